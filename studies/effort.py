@@ -20,8 +20,8 @@ from models.simulation.simulator import simulate
 from studies.options import BadInputError, Options
 from studies.study import between
 
-LONGEST: Final = 4 * 3600.0  # s that a study may be expected to take where --time-limit does not say otherwise
-MOST: Final = 4 << 30  # bytes that it may be expected to hold
+MAX_EXPECTED_S: Final = 4 * 3600.0  # s that a study may be expected to take where --time-limit does not say otherwise
+MAX_MEMORY_BYTES: Final = 4 << 30  # bytes that it may be expected to hold
 SAID: Final = 20.0  # s from which on the time is said before the work
 PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
@@ -32,7 +32,7 @@ IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
 # Samples simulated in the time in which one is diagnosed: 1800 to 4200 on four axes with 1 to 10 friction elements.
 DIAGNOSING: Final = 2500
 IDENTIFYING: Final = 35  # samples simulated in the time in which one is identified from
-OFF: Final = 3.0  # factor by which what is foreseen may be off, either way
+FORESIGHT_FACTOR: Final = 3.0  # factor by which what is foreseen may be off, either way
 
 
 def seconds_a_sample(machine: Machine) -> float:
@@ -75,13 +75,13 @@ def foresee(
     memory: float,
     options: Options,
     progress: Callable[[float, str], None],
-    most: float = MOST,
+    most: float = MAX_MEMORY_BYTES,
 ) -> None:
     """Says how long the work will take, by what it is [s], and how much it holds [bytes], where it takes long.
 
     Raises BadInputError where that is more than --time-limit, or than `most` [bytes].
     """
-    whole, limit = sum(seconds.values()), LONGEST if options.time_limit is None else options.time_limit
+    whole, limit = sum(seconds.values()), MAX_EXPECTED_S if options.time_limit is None else options.time_limit
     longest = max(seconds, key=lambda what: seconds[what])
     held = f"{memory / 1e9:.2g} GB, most of the time for {longest}"
     said = f"about {lasting(whole)} and {held}"
@@ -98,7 +98,8 @@ def foresee(
     if whole > SAID:
         progress(
             0.0,
-            f"this will take {between(whole / OFF, whole * OFF)} of a processor that does nothing else, and {held}",
+            f"this will take {between(whole / FORESIGHT_FACTOR, whole * FORESIGHT_FACTOR)} of a processor "
+            f"that does nothing else, and {held}",
         )
 
 

@@ -35,9 +35,9 @@ EVERY: Final = (
 """What every study may write."""
 FULL: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 # With fewer bytes of free space than this, what a program that was started reports as its own failure is a full disk.
-LITTLE: Final = 1 << 16
+FULL_DISK_BYTES: Final = 1 << 16
 HASH: Final = re.compile(r"[0-9a-f]{64}")
-LONGEST: Final = 1 << 24  # bytes of a manifest
+MAX_MANIFEST_BYTES: Final = 1 << 24  # bytes of a manifest
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def atomic_folder(place: Place) -> Iterator[Path]:
     except BadInputError:
         raise
     except Exception as error:
-        if is_full(error) or shutil.disk_usage(output).free < LITTLE:
+        if is_full(error) or shutil.disk_usage(output).free < FULL_DISK_BYTES:
             raise BadInputError(
                 f"--output {output}: the disk is full, nothing was written; make room, or give another folder"
             ) from error
@@ -160,7 +160,7 @@ def earlier(place: Place) -> frozenset[str]:
 def _listed(file: Path, study: str) -> dict[str, str]:
     """The outputs with their hashes in a manifest that the study wrote; nothing in any other."""
     try:
-        if file.stat().st_size > LONGEST:
+        if file.stat().st_size > MAX_MANIFEST_BYTES:
             return {}
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

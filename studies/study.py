@@ -120,8 +120,9 @@ class Study:
         return dataclasses.replace(report, wording=turned) if results["machine"].get("axis") == "rotary" else report
 
 
-ENOUGH: Final = 0.2  # of the work that has to be done before the rest is estimated from it
-OFF: Final = 4.0  # factor by which it may be off, either way: in five of six on eleven runs of another axis
+MIN_DONE_SHARE: Final = 0.2  # of the work that has to be done before the rest is estimated from it
+# Factor by which it may be off, either way: in five of six on eleven runs of another axis.
+TIME_LEFT_FACTOR: Final = 4.0
 SHORT: Final = 5.0  # s below which nothing is said of the time left
 
 
@@ -152,10 +153,10 @@ class Progress:
         if self._first is None:
             self._first = share, elapsed
         done = share - self._first[0]
-        if not grown or done < ENOUGH:
+        if not grown or done < MIN_DONE_SHARE:
             return ""
         left = (elapsed - self._first[1]) * (1 - share) / done
-        return f", {between(left / OFF, left * OFF)} left" if left > SHORT else ""
+        return f", {between(left / TIME_LEFT_FACTOR, left * TIME_LEFT_FACTOR)} left" if left > SHORT else ""
 
 
 def between(least: float, most: float) -> str:

@@ -14,7 +14,7 @@ from reports.markup import RAISED
 from reports.units import length_unit
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
-MOST: Final = 12
+MAX_DIGITS: Final = 12
 """Digits beyond which nothing is told from its limit."""
 PLAIN: Final = 6
 """Powers of ten below this one are written out: 220 for 2.2e+02."""
@@ -111,7 +111,7 @@ def fitted(item: Mapping[str, Any], digits: int, quantity: Callable[[float, str,
         return quantity(value, unit, digits)
     told = value != 0 and math.isfinite(std)
     known = 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) if told else 0
-    return f"{quantity(value, unit, min(max(known, 2), MOST))} ± {quantity(std, unit, 2)}"
+    return f"{quantity(value, unit, min(max(known, 2), MAX_DIGITS))} ± {quantity(std, unit, 2)}"
 
 
 def percent(ratio: float | None) -> str:
@@ -127,7 +127,7 @@ def signed(number: float, decimals: int = 2) -> str:
 
 def checked(number: float | None, limit: float, unit: str, digits: int = 4) -> str:
     """A check's value, with as many more digits as tell it from its limit: "2.202" beside 2.2, which it exceeds."""
-    while number is not None and number != limit and digits < MOST:
+    while number is not None and number != limit and digits < MAX_DIGITS:
         if quantity(number, unit, digits) != quantity(limit, unit, digits):
             break
         digits += 1

@@ -29,7 +29,7 @@ from studies.blind_trial.packs import Pack
 
 Array = NDArray[np.float64]
 
-MOST: Final = 3  # The largest number of effects in an answer.
+MAX_EFFECTS: Final = 3  # The largest number of effects in an answer.
 LEFT: Final = 1.0  # Innovation variance, relative to the noise, above which an effect is missing.
 PITCHES: Final = (8e-3, 15e-3, 30e-3, 60e-3)  # [m]
 STRIBECK: Final = 2e-3  # [m/s]
@@ -75,7 +75,7 @@ def _aic(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
     gram, slope = whole.T @ whole, whole.T @ projection.e
     prices = [2.0 * len(parameters(type(effect))) for effect in effects]
     chosen: list[int] = []
-    for _ in range(MOST):
+    for _ in range(MAX_EFFECTS):
         falls = {
             k: _gain(gram, slope, np.isin(owner, [*chosen, k])) - sum(prices[i] for i in (*chosen, k))
             for k in range(len(blocks))
@@ -134,7 +134,7 @@ def _sparse(found: Diagnosis, disabled: Collection[str]) -> tuple[str, ...]:
         return ()
     shares = {name: float(np.mean((whole[:, owner == name] @ best[owner == name]) ** 2)) for name in names}
     strong = sorted((name for name in names if shares[name] > 0), key=lambda name: -shares[name])
-    return tuple(strong[:MOST])
+    return tuple(strong[:MAX_EFFECTS])
 
 
 def _library(record: Record, seen: Any) -> Mapping[str, Array]:

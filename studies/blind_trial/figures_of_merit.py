@@ -12,7 +12,7 @@ from studies.binomial import interval
 from studies.blind_trial.scoring import KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
 
 T = TypeVar("T")
-BINS: Final = 10
+CALIBRATION_BINS: Final = 10
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,13 @@ def statements(answers: Mapping[str, Any], scores: Sequence[Score], first: bool)
 def calibration(found: Sequence[Statement]) -> dict[str, Any]:
     """Expected calibration error over ten bins of equal width (Naeini, Cooper, Hauskrecht 2015), and the bins."""
     bins, error = [], 0.0
-    for k in range(BINS):
-        low, high = k / BINS, (k + 1) / BINS
-        those = [one for one in found if low <= one.probability < high or (k == BINS - 1 and one.probability == 1.0)]
+    for k in range(CALIBRATION_BINS):
+        low, high = k / CALIBRATION_BINS, (k + 1) / CALIBRATION_BINS
+        those = [
+            one
+            for one in found
+            if low <= one.probability < high or (k == CALIBRATION_BINS - 1 and one.probability == 1.0)
+        ]
         if not those:
             continue
         stated = float(np.mean([one.probability for one in those]))

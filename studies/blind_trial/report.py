@@ -74,7 +74,7 @@ LOOKS: Final = dict(
     zip(METHODS, zip(style.COLOURS, style.MARKERS, strict=False), strict=False)  # of a method: colour and marker
 )
 SEVERITIES: Final = ("low", "middle", "high")
-SHOWN: Final = (
+DRAWN_RATES: Final = (
     ("right_name", "right name", 0.95),
     ("both_named", "both named", 0.80),
     ("abstention", "abstains: out of catalogue", 0.90),
@@ -171,7 +171,7 @@ def _rates(results: Results) -> Drawing:
     figure, axes = style.subplots(1, 1, 75)
     ax = axes[0, 0]
     told: set[str] = set()
-    for row, (key, _, target) in enumerate(SHOWN):
+    for row, (key, _, target) in enumerate(DRAWN_RATES):
         ax.plot([100 * target] * 2, [row - 0.42, row + 0.42], color=style.LIMIT, linewidth=1.2, linestyle=(0, (3, 1.5)))
         for k, method in enumerate(method for method in METHODS if method in ("diagnosis", *found["baselines"])):
             rate = (found["rates"] if method == "diagnosis" else found["baselines"][method])[key]
@@ -179,8 +179,8 @@ def _rates(results: Results) -> Drawing:
                 label = None if method in told else effect(method)
                 told.add(method)
                 _bar(ax, row + 0.2 * (k - 1.5), rate, LOOKS[method], label=label, markersize=5 if k == 0 else 3)
-    ax.set_yticks(range(len(SHOWN)), [name for _, name, _ in SHOWN])
-    ax.set_ylim(len(SHOWN) - 0.5, -0.5)
+    ax.set_yticks(range(len(DRAWN_RATES)), [name for _, name, _ in DRAWN_RATES])
+    ax.set_ylim(len(DRAWN_RATES) - 0.5, -0.5)
     ax.set_xlim(-3, 103)
     ax.set_xlabel("share of the cases that count [%]")
     ax.grid(visible=False, axis="y")

@@ -14,16 +14,16 @@ from models.quantity import show
 from studies.study import Check
 from studies.wording import cited
 
-SHOWN: Final = 4.0  # Settling times of each motion that results.json keeps, for the figures.
+KEPT_SETTLING_TIMES: Final = 4.0  # Settling times of each motion that results.json keeps, for the figures.
 AGREEMENT: Final = 0.03  # The largest relative difference, either way, at which a published figure is reproduced.
 RESIDUAL_LIMIT: Final = 1e-9  # The largest residual after a deadbeat's settling time, relative to the stroke.
 
 
 def validation_results(wanted: Specification, validation: Validation) -> dict[str, Any]:
-    """Every motion's outcome, and the signals of each motion's first SHOWN settling times."""
+    """Every motion's outcome, and the signals of each motion's first KEPT_SETTLING_TIMES settling times."""
     response = validation.response
     ts = response.record.sample_time
-    shown = round(min(SHOWN * wanted.settling_time, wanted.interval) / ts)
+    shown = round(min(KEPT_SETTLING_TIMES * wanted.settling_time, wanted.interval) / ts)
     motions = []
     for one in validation.achieved:
         part = slice(one.motion.start, min(one.motion.stop, one.motion.start + shown))

@@ -24,7 +24,8 @@ from studies.deadbeat_design.options import DeadbeatOptions
 PEAK: Final = 2.0  # bound on |S| of the feedback that is tried: what pid_tradeoff tunes for unless asked otherwise
 SOONER: Final = 0.75  # of the settling time of x_T*: when that of the one that is tried rests,
 ROOM: Final = 1.1  # but no sooner than this many times the shortest that the thrust allows
-ENOUGH: Final = 0.5  # share of the allowed machines on which a change that would do has to bring all motions in time
+# Share of the allowed machines on which a change that would do has to bring all motions in time.
+MIN_REMEDIED_SHARE: Final = 0.5
 
 Synthesise = Callable[[Machine, float], Deadbeat]
 """The feedforward for a machine that rests after a time [s]; raises DesignError."""
@@ -73,7 +74,7 @@ def remedies(
                 **{key: allowed[key] for key in ("in_time", "machines", "median_s", "quantile_s")},
             }
         )
-    return {"rows": rows, "refused": refused, "enough": ENOUGH, "best": _best(machine, rows)}
+    return {"rows": rows, "refused": refused, "enough": MIN_REMEDIED_SHARE, "best": _best(machine, rows)}
 
 
 def told(results: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -93,7 +94,7 @@ def _best(machine: Machine, rows: list[dict[str, Any]]) -> int | None:
     machine as its file has it and on enough of those that it allows; the fewest changes come first."""
     limit = machine.specification.settling_time
     shares = [row["in_time"] / row["machines"] if row["settling_s"] <= limit else 0.0 for row in rows]
-    return max(range(len(rows)), key=shares.__getitem__) if max(shares, default=0.0) >= ENOUGH else None
+    return max(range(len(rows)), key=shares.__getitem__) if max(shares, default=0.0) >= MIN_REMEDIED_SHARE else None
 
 
 def _changes(

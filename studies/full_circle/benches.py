@@ -24,7 +24,7 @@ SEALED: Final = (sys.executable, "-m", "studies.blind_trial.sealer.on_request")
 OPENED: Final = (sys.executable, "-m", "studies.blind_trial.sealer.opened")
 WORKER: Final = (sys.executable, "-m", "studies.full_circle.worker")
 THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
-MOST: Final = 8  # benches of a machine
+MAX_BENCHES: Final = 8  # benches of a machine
 
 
 class Benches:
@@ -36,9 +36,10 @@ class Benches:
         self.refused = 0  # requests beyond the limits, on all benches together
 
     def of(self, name: str) -> MachineProcess:
-        """The bench of this name. Raises ValueError for more than MOST of them, or a name that is not a plain word."""
+        """The bench of this name. Raises ValueError for more than MAX_BENCHES of them, or a name that is not a plain
+        word."""
         if name not in self._known:
-            if len(self._known) >= MOST or not name.replace("-", "").isalnum():
+            if len(self._known) >= MAX_BENCHES or not name.replace("-", "").isalnum():
                 raise ValueError(f"there is no bench {name[:40]!r}")
             place = self._folder / name
             place.mkdir()

@@ -12,7 +12,7 @@ from reports import style
 
 Results = Mapping[str, Any]
 
-PARTS: Final = (("settling", 1e3, "settling of the slowest motion [ms]"), ("dispersion", 1e6, "3$\\sigma$ [µm]"))
+DRAWN_ERRORS: Final = (("settling", 1e3, "settling of the slowest motion [ms]"), ("dispersion", 1e6, "3$\\sigma$ [µm]"))
 
 
 def expected(whole: Results) -> Drawing:
@@ -23,7 +23,7 @@ def expected(whole: Results) -> Drawing:
     taken = next(i for i, one in enumerate(rows) if one["taken"])
     place = np.arange(len(rows))[::-1]
     names = [f"{one['name']}\n(to run)" if one["taken"] else one["name"] for one in rows]
-    for ax, (key, factor, label) in zip(axes[0], PARTS, strict=True):
+    for ax, (key, factor, label) in zip(axes[0], DRAWN_ERRORS, strict=True):
         low, middle, high = (factor * np.array([one[key][name] for one in rows]) for name in ("low", "median", "high"))
         ax.hlines(place, low, high, color=style.BLUE, linewidth=4.0, alpha=0.35, label="expected, 90 %")
         ax.plot(middle, place, linestyle="none", marker="o", color=style.BLUE, label="median")

@@ -13,7 +13,7 @@ from studies.full_circle.figures import draw_errors
 
 Results = Mapping[str, Any]
 
-PARTS: Final = (("settling", "settling of the slowest motion"), ("dispersion", "3$\\sigma$"))
+DRAWN_ERRORS: Final = (("settling", "settling of the slowest motion"), ("dispersion", "3$\\sigma$"))
 WAYS: Final = (("after", "redesign"), ("refit", "re-fit only"), ("pid", "PID only"), ("learning", "ten rounds"))
 
 
@@ -50,7 +50,7 @@ def shares(whole: Results) -> Drawing:
     """The share recovered on each machine by each way, with the medians."""
     found = whole["results"]["shares"]
     figure, axes = style.subplots(1, 2, 55, sharey=True)
-    for ax, (name, label) in zip(axes[0], PARTS, strict=True):
+    for ax, (name, label) in zip(axes[0], DRAWN_ERRORS, strict=True):
         for at, (way, _) in enumerate(WAYS):
             values = np.clip(found[way][name]["values"], -1.0, 1.5)
             spread = at + np.linspace(-0.15, 0.15, len(values)) if len(values) else np.zeros(0)

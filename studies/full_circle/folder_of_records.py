@@ -23,7 +23,7 @@ from studies.study import Progress
 IDENTIFIED: Final = ("response", "excitation", "hysteresis")
 """Kinds of records that the machine is identified from; all others are diagnosed."""
 JUDGED: Final = ("current", "redesign")  # kinds of tables whose runs are judged, and not diagnosed
-MOST: Final = 100  # records in a folder
+MAX_RECORDS: Final = 100  # records in a folder
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,10 @@ def files_in(folder: Path) -> tuple[Path, ...]:
             f"--records {folder}: holds no record ({LISTED}); what to run on the axis to get some, identify_machine "
             "--write-references FOLDER writes"
         )
-    if len(found) > MOST:
-        raise BadInputError(f"--records {folder}: holds {len(found)} files; give a folder with {MOST} records at most")
+    if len(found) > MAX_RECORDS:
+        raise BadInputError(
+            f"--records {folder}: holds {len(found)} files; give a folder with {MAX_RECORDS} records at most"
+        )
     return tuple(found)
 
 

@@ -45,7 +45,7 @@ from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Progress
 
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
-FEW: Final = 10  # of them in a quick run
+QUICK_RUNS: Final = 10  # of them in a quick run
 TOLD: Final = ("answer", "front", "verdict", "how_far")  # of a diagnosis
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
 STILL_OPEN: Final = "the experiment that was asked for left open what is wrong; this one excites nearly all"
@@ -170,7 +170,7 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         foresee(work_ahead, memory, options, circle.progress, math.inf)  # their reader bounds the samples
         within = lambda share, text: circle.progress(0.1 + 0.6 * share, text)  # noqa: E731
         found, answer = answered(given_of(identified, records), (), options.disable, options, within)
-        count = FEW if circle.options.quick else RUNS
+        count = QUICK_RUNS if circle.options.quick else RUNS
         draws = [to_toml(one) for one in machines_allowed(found, count, circle.options.seed)]
         return {
             **{name: answer.results[name] for name in (*TOLD, "next")},
@@ -201,7 +201,7 @@ def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None
     used |= {"seed": circle.options.seed, "quick": circle.options.quick}
 
     def work() -> dict[str, Any]:
-        could_be = _loadable(drawn) or machines_as_stated(better, FEW if circle.options.quick else RUNS)
+        could_be = _loadable(drawn) or machines_as_stated(better, QUICK_RUNS if circle.options.quick else RUNS)
         within = lambda share, text: circle.progress(0.7 + 0.15 * share, text)  # noqa: E731
         try:
             forces = [np.array(one) for one in left]

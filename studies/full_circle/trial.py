@@ -25,11 +25,11 @@ from studies.study import Answer, Check, Progress
 DEFAULT: Final = 4
 QUICK: Final = 1
 GROUP, EACH = 8, 6  # of the drawn cases: neighbours are on so many machines, and so many of a group are on each
-SLOW: Final = 6  # a case of the default seed whose controller samples slowly, so that it is worked on fast
-ENOUGH: Final = 30  # machines from which on the targets are checked
+SLOW_CASE: Final = 6  # a case of the default seed whose controller samples slowly, so that it is worked on fast
+MIN_JUDGED_MACHINES: Final = 30  # machines from which on the targets are checked
 A_CASE: Final = 500.0  # s of one core
 QUICK_CASE: Final = 10.0
-HELD: Final = 1.5e9  # bytes
+MEMORY_BYTES: Final = 1.5e9  # that a trial holds
 SOURCE: Final = "what the circle is to reach"
 TOLD: Final = 10  # machines that are told as stories
 ACTIVE: Final = "active"
@@ -49,7 +49,12 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
     output = options.output or Path("reports/out/full_circle")
     count = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
     cores = min(os.cpu_count() or 1, count)
-    foresee({f"{count} machines": count * (QUICK_CASE if options.quick else A_CASE) / cores}, HELD, options, progress)
+    foresee(
+        {f"{count} machines": count * (QUICK_CASE if options.quick else A_CASE) / cores},
+        MEMORY_BYTES,
+        options,
+        progress,
+    )
     steps = Steps(output / "sealed" / "steps", program())
     names = [f"machine-{number + 1:03d}" for number in range(count)]
     case = {name: case_of(number, quick=options.quick) for number, name in enumerate(names)}
@@ -97,7 +102,7 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         "policies": told_of(found),
         "cases": [_row(one) for one in done],
         "stories": [_story(one) for one in done[:TOLD]],
-        "enough": count >= ENOUGH,
+        "enough": count >= MIN_JUDGED_MACHINES,
     }
     return Answer(results, tuple(_checks(results)), {}, _summary(results))
 
@@ -126,7 +131,7 @@ def told_of(found: Sequence[policies.Result]) -> dict[str, Any]:
 def case_of(number: int, *, quick: bool) -> int:
     """The number among the drawn cases of the one that is worked on as this one: each on a machine of its own."""
     if quick:
-        return SLOW + EACH * GROUP * number
+        return SLOW_CASE + EACH * GROUP * number
     return EACH * GROUP * (number // GROUP) + number % GROUP
 
 

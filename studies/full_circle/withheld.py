@@ -40,7 +40,7 @@ from studies.gap_diagnosis.options import MOST_SAMPLES
 
 SHARES: Final = (0.95, 0.8, 0.65, 0.5)  # of the largest feedforward that designs have, as far as they go
 RUNS: Final = 39  # machines that could be this one
-FEW: Final = 9
+COMPARED_RUNS: Final = 9
 EACH: Final = 5  # rounds of learning on a bench
 
 Ask = Callable[[str, Schedule, Mapping[str, Any] | None], Mapping[str, Any]]
@@ -219,7 +219,7 @@ def refitted(machine: Machine, record: Record, seed: int) -> Known:
     """What the re-fit of one record tells, which names nothing."""
     fitted = refit(parameters(machine, 1), [record])
     better = machine_of(machine, fitted.candidate)
-    few = [machine_of(machine, one) for one in drawn(fitted, None, FEW, seed)]
+    few = [machine_of(machine, one) for one in drawn(fitted, None, COMPARED_RUNS, seed)]
     return Known({"outcome": "parameters", "effects": [], "equivalent": []}, better, better, few)
 
 

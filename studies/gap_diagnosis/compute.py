@@ -41,7 +41,7 @@ from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable, require_stable
-from studies.effort import MOST, diagnosing, foresee, more_samples
+from studies.effort import MAX_MEMORY_BYTES, diagnosing, foresee, more_samples
 from studies.gap_diagnosis import by_hand, own_records
 from studies.gap_diagnosis.answer import front, sentences
 from studies.gap_diagnosis.common_factor import common_factor
@@ -166,7 +166,7 @@ def _foresee(
     their reader bounds them."""
     taken, held = diagnosing(machine, samples, records)
     taken += diagnosing(machine, before, 1)[0]
-    most = math.inf if options.record else MOST
+    most = math.inf if options.record else MAX_MEMORY_BYTES
     foresee({f"{samples:,} samples": taken / min(os.cpu_count() or 1, 2)}, held, options, progress, most)
 
 

@@ -21,7 +21,7 @@ COURSE: Final = MappingProxyType(
     {"outcome": str, "effects": list, "needed": int | float, "seconds": int | float, "reason": str, "looks": list}
 )
 LOOK: Final = MappingProxyType({"seconds": int | float, "why": str, "asked": str, "log10_e_value": int | float})
-MANY: Final = 6.0  # powers of ten of an e-value that are not told any more
+MAX_TOLD_DECADES: Final = 6.0  # powers of ten of an e-value that are not told any more
 
 
 def course(file: Path | None) -> Course | None:
@@ -123,7 +123,7 @@ def ended(content: Course) -> str:
 def e_value(look: Mapping[str, Any]) -> str:
     """The e-value over all looks so far; only that it is large where it is."""
     logarithm = look["log10_e_value"]
-    return "over a million" if logarithm > MANY else f"{10**logarithm:.2g}"
+    return "over a million" if logarithm > MAX_TOLD_DECADES else f"{10**logarithm:.2g}"
 
 
 def found(after: Mapping[str, Any] | None) -> str:

@@ -19,7 +19,7 @@ from studies.wording import effect
 
 Results = Mapping[str, Any]
 
-MOST = 12  # effects in a bar chart at most
+MAX_BARS = 12  # effects in a bar chart at most
 DECADES = 300.0  # ratio of an axis' ends from which on only powers of ten are marked
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
 GAPS = (
@@ -235,7 +235,7 @@ def gains(whole: Results) -> Drawing:
     """The effects' held-out gain in chi-square, with their thresholds; the named ones are marked."""
     results = whole["results"]
     named = set(results["verdict"]["effects"])
-    rows = [row for row in results["which"] if row["held_out_gain"] is not None][:MOST]
+    rows = [row for row in results["which"] if row["held_out_gain"] is not None][:MAX_BARS]
     figure, axes = style.subplots(1, 1, 12 + 5.5 * max(len(rows), 4))
     ax = axes[0, 0]
     place = np.arange(len(rows))[::-1]

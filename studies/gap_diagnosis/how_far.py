@@ -20,7 +20,8 @@ Results = Mapping[str, Any]
 LISTED: Final = 3  # values that are listed; improved.toml has all
 UNNAMED: Final = 2  # number of stages without an effect: as delivered, and re-fitted
 MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which on the answer says so
-SLOWER: Final = 1.1  # times the error of settling as delivered, from which on that of the file handed over is told
+# Times the error of settling as delivered, from which on that of the file handed over is told.
+MIN_SETTLING_ERROR_RATIO: Final = 1.1
 SHORT: Final = 2  # sentences on the gap that a figure of it does not make superfluous
 NO_BETTER: Final = 0.9  # of the force as delivered, from which on a fit to one record explains no other
 
@@ -185,7 +186,7 @@ def _slower(far: Results) -> list[str]:
     chance, as it would not be handed over otherwise."""
     files = {one["file"]: one["held_out"]["settling_s"] for one in far["files"]}
     before, after = files[Content.DELIVERED], files[far["adopted_file"]]
-    if before is None or after is None or after <= SLOWER * before:
+    if before is None or after is None or after <= MIN_SETTLING_ERROR_RATIO * before:
         return []
     return [
         f"Of settling, on motions held out, it leaves {show(after, 's', 2)} where the machine as delivered leaves "

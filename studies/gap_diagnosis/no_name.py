@@ -20,8 +20,9 @@ from studies.wording import effect
 
 Results = Mapping[str, Any]
 
-HARDLY: Final = 1.5  # times the noise floor, up to which noise that is a little larger may be all that is left
-EVEN: Final = 0.02  # above the noise floor, up to which what is left is no more than that
+# Times the noise floor, up to which noise that is a little larger may be all that is left.
+MAX_NOISE_ONLY_RATIO: Final = 1.5
+MAX_UNTOLD_EXCESS: Final = 0.02  # above the noise floor, up to which what is left is no more than that
 AT_FLOOR: Final = (0.5, 1.1)  # of the noise floor, where a force is that; a floor far above it is of something else
 
 
@@ -114,10 +115,10 @@ def _hardly_more(results: Results) -> str:
     if results["verdict"]["partly"] or far["floor_source"] == "repeats" or (learned and learned["adopted"]):
         return ""
     ratios = [far["gap_refitted"][key] / far["floor"][key] for key in ("force_N", "position_m") if far["floor"][key]]
-    if not ratios or max(ratios) >= HARDLY:
+    if not ratios or max(ratios) >= MAX_NOISE_ONLY_RATIO:
         return ""
     more = max(ratios) - 1
-    return f"{in_percent(more)} above the noise floor" if more > EVEN else "no more than the noise floor"
+    return f"{in_percent(more)} above the noise floor" if more > MAX_UNTOLD_EXCESS else "no more than the noise floor"
 
 
 def _not_seen(results: Results) -> list[str]:

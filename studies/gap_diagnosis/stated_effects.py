@@ -13,7 +13,7 @@ from models.machine import Machine
 from models.quantity import listed, show
 from studies.wording import effect, words
 
-SURELY: Final = 3.0  # deviations, and
+MIN_MOVE_STDS: Final = 3.0  # deviations, and
 CLEARLY: Final = 0.01  # of itself: a value of a stated effect that moved by less is not told
 
 
@@ -36,7 +36,7 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
             std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
             if item.role == "switch" or (as_late and item.name == before.delayed_by):
                 continue
-            if abs(new - old) > max(SURELY * std, CLEARLY * size):
+            if abs(new - old) > max(MIN_MOVE_STDS * std, CLEARLY * size):
                 row = {"effect": before.name, "name": item.name, "unit": item.unit}
                 rows.append({**row, "before": old, "now": new, "std": std})
     return rows

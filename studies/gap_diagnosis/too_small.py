@@ -11,7 +11,7 @@ from studies.wording import effect, words
 
 Results = Mapping[str, Any]
 
-SHARE: Final = 0.01  # of what is closed, up to which a name closes nearly nothing
+MAX_IDLE_SHARE: Final = 0.01  # of what is closed, up to which a name closes nearly nothing
 
 
 def too_small(results: Results) -> list[str]:
@@ -23,7 +23,7 @@ def too_small(results: Results) -> list[str]:
     told = []
     for name in names if len(names) > 1 else ():
         limit, fitted = limits.get(name), sizes.get(name, {})
-        if limit is None or limit["parameter"] not in fitted or shares.get(name, 1.0) > SHARE:
+        if limit is None or limit["parameter"] not in fitted or shares.get(name, 1.0) > MAX_IDLE_SHARE:
             continue
         size, least = abs(fitted[limit["parameter"]]["value"]), limit["limit"]
         if least is not None and size < least < math.inf:

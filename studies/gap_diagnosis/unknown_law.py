@@ -12,8 +12,8 @@ from models.quantity import show
 
 Results = Mapping[str, Any]
 
-HALF: Final = 0.5  # of a curve's largest force: where it ends
-NARROW: Final = 0.3  # of the way or the time that the records show, up to which a law has a place there
+CURVE_END_SHARE: Final = 0.5  # of a curve's largest force: where it ends
+MAX_LOCAL_SHARE: Final = 0.3  # of the way or the time that the records show, up to which a law has a place there
 OVER: Final = {
     "time": "the time",
     "position": "the position",
@@ -79,15 +79,15 @@ def _place(learned: Results) -> str:
         return ""
     ends = []
     for side in (slice(top, None, -1), slice(top, None)):
-        least = np.flatnonzero(size[side] < HALF * size[top])
+        least = np.flatnonzero(size[side] < CURVE_END_SHARE * size[top])
         if not least.size:
             return ""
         low, high = (knots[side][least[0] - i] for i in (0, 1))
         under, over = (size[side][least[0] - i] for i in (0, 1))
-        ends.append(float(low + (high - low) * (HALF * size[top] - under) / (over - under)))
+        ends.append(float(low + (high - low) * (CURVE_END_SHARE * size[top] - under) / (over - under)))
     begin, end = ends
-    again = np.any(np.abs(values[(knots < begin) | (knots > end)]) >= HALF * size[top])
-    if again or end - begin > NARROW * float(np.ptp(knots)):
+    again = np.any(np.abs(values[(knots < begin) | (knots > end)]) >= CURVE_END_SHARE * size[top])
+    if again or end - begin > MAX_LOCAL_SHARE * float(np.ptp(knots)):
         return ""
     unit = learned["unit"]
     place, first, last = (show(where, unit, 3) for where in (float(knots[top]), begin, end))

@@ -11,7 +11,8 @@ from studies.wording import effect
 
 Results = Mapping[str, Any]
 
-FAR: Final = 2.0  # times its expectation, from which on chi-square per sample is said to be far from it
+# Times its expectation, from which on chi-square per sample is said to be far from it.
+MAX_CHI_SQUARE_RATIO: Final = 2.0
 
 
 def roughness(results: Results) -> list[str]:
@@ -70,4 +71,6 @@ def _weighed(results: Results) -> str:
 def far_off(results: Results) -> list[tuple[int, float]]:
     """The records, by number, whose chi-square per sample [1] is far from what their weights promise, and that."""
     left = results["chi_square_per_sample"]["with_effects"]
-    return [(number, one) for number, one in enumerate(left, 1) if not 1 / FAR < one < FAR]
+    return [
+        (number, one) for number, one in enumerate(left, 1) if not 1 / MAX_CHI_SQUARE_RATIO < one < MAX_CHI_SQUARE_RATIO
+    ]

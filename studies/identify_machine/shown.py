@@ -25,7 +25,7 @@ from studies.study import Check
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 3000  # samples of a signal that are kept, for the figures
+MAX_KEPT_SAMPLES: Final = 3000  # samples of a signal that are kept, for the figures
 LINES: Final = 1200  # of a frequency response that are kept, for the figure
 BY_CHANCE: Final = 1e-3  # The check of two records against each other fails so often although the model is right.
 # The machine file may have so many times the fit's held-out error, as its directional friction, in proportion to the
@@ -172,7 +172,7 @@ def _order(fit: modes.Fit, order: Order) -> dict[str, Any]:
 
 
 def _motion(fit: motion.MotionFit, sample_time: float) -> dict[str, Any]:
-    every, residual = max(fit.command.size // SHOWN, 1), fit.command - fit.modelled
+    every, residual = max(fit.command.size // MAX_KEPT_SAMPLES, 1), fit.command - fit.modelled
     return {
         "time_s": np.arange(fit.command.size)[::every] * sample_time,
         "command_N": fit.command[::every],
@@ -183,7 +183,7 @@ def _motion(fit: motion.MotionFit, sample_time: float) -> dict[str, Any]:
 
 
 def _force(fit: ForceFit) -> dict[str, Any]:
-    every = max(fit.time.size // SHOWN, 1)
+    every = max(fit.time.size // MAX_KEPT_SAMPLES, 1)
     top = 2 * max(fit.friction.limit)
     distance = np.geomspace(min(fit.friction.limit) / 3, 1.5 * top, 60)
     climbed, std = fit.curve(distance)
@@ -242,7 +242,7 @@ def _over_speed(fit: ForceFit) -> dict[str, Any]:
     speed = np.gradient(fit.path, fit.time)
     ahead, back = (fit.estimate.value(name) for name in WAYS)
     friction = fit.rolling + np.where(speed > 0, ahead, back) * speed + fit.estimate.value("offset")
-    every = max(fit.time.size // SHOWN, 1)
+    every = max(fit.time.size // MAX_KEPT_SAMPLES, 1)
     measured = fit.measured - fit.modelled + friction
     return {"speed_m_per_s": speed[::every], "measured_N": measured[::every], "modelled_N": friction[::every]}
 

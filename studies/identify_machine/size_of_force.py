@@ -19,7 +19,7 @@ from models.records.record import Record
 
 KNOWN: Final = ("given", "datasheet", "paper")  # kinds of sources that know a mass beside the records
 OTHER: Final = 1.5  # ratio from which on it is another mass, or another gain; payloads within it are usual
-LOADED: Final = 20.0  # deviations by the file's tolerance, which must be exceeded as well
+MIN_MASS_STDS: Final = 20.0  # deviations by the file's tolerance, which must be exceeded as well
 IN_PROPORTION: Final = 0.1  # share of the feedback's changes that a constant factor may leave
 CAUSES: Final = "a unit or a force constant of the command that is wrong by this factor"
 
@@ -37,7 +37,7 @@ def _of_mass(machine: Machine, found: Machine) -> Iterator[tuple[str, str]]:
     stated, source = machine.sources.get(name), found.sources.get(f"plant.modes.{found.plant.rigid + 1}.gain")
     if stated is None or stated.kind not in KNOWN or source is None or source.kind != "identified":
         return
-    ratio, most = found.plant.mass / machine.plant.mass, max(OTHER, 1 + LOADED * machine.tolerances.mass)
+    ratio, most = found.plant.mass / machine.plant.mass, max(OTHER, 1 + MIN_MASS_STDS * machine.tolerances.mass)
     if not 1 / most < ratio < most:
         shown, known = (show(one.plant.mass, machine.unit("kg"), 3) for one in (found, machine))
         yield (

@@ -35,7 +35,7 @@ AT_REST: Final = 0.8  # of the settling time: when x_T* rests on the target
 LEAST_SAMPLES: Final = 4  # in which x_T* rests on the target; a rigid body needs two
 MOST_SAMPLES: Final = 400  # likewise; with more, designs take long and gain nothing
 INTERVAL: Final = 20  # settling times from one motion to the next, so that each begins at rest
-LONGEST: Final = 20_000  # samples of that interval
+MAX_INTERVAL_SAMPLES: Final = 20_000  # samples of that interval
 
 
 def starter(answers: Mapping[str, str], name: str) -> str:
@@ -111,7 +111,7 @@ def _reference_time(numbers: Mapping[str, float]) -> float:
 
 def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -> str:
     ts, settling, reference = numbers["sample_time"], numbers["settling_time"], _reference_time(numbers)
-    interval = min(INTERVAL * settling, LONGEST * ts)
+    interval = min(INTERVAL * settling, MAX_INTERVAL_SAMPLES * ts)
     plant = Plant(numbers["dead_time"], 1.0, (Mode(1 / numbers["mass"], 0.0, 0.0),))
     pid = simc(plant, ts, CLOSED_LOOP * (plant.dead_time + ts / 2), 0.0)
     limits = np.geomspace(FINEST * numbers["presliding"], numbers["presliding"], ELEMENTS)

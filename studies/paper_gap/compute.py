@@ -32,14 +32,24 @@ from studies.paper_gap.candidates import EFFECTS as OF_EFFECTS
 from studies.paper_gap.compensators import named, of_name, slope_error, with_compensator
 from studies.paper_gap.exchange import exchanged
 from studies.paper_gap.experiments import menu
-from studies.paper_gap.explore import ALONE, BESIDE, BEYOND, MOST, STEPS, Case, Draw, Effort, explore_all
+from studies.paper_gap.explore import (
+    ALONE,
+    BESIDE,
+    BEYOND,
+    BEYOND_PRIOR_RATIO,
+    SEARCH_STEPS,
+    Case,
+    Draw,
+    Effort,
+    explore_all,
+)
 from studies.paper_gap.hanging import hanging
 from studies.paper_gap.likelihood import evidence
 from studies.paper_gap.options import PaperOptions
 from studies.paper_gap.pattern import (
     COARSE,
     CONVERGED,
-    NEAR,
+    MAX_DISTANCE_STEPS,
     PERIODS,
     Outcome,
     Pattern,
@@ -99,9 +109,9 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
             "simulations": effort.simulations,
             "periods": PERIODS,
             "seconds": sequence(machine, periods=PERIODS).size * machine.sample_time,
-            "most": MOST,
+            "most": BEYOND_PRIOR_RATIO,
             "fine": shown.FINE / CONVERGED,
-            "near_steps": NEAR,
+            "near_steps": MAX_DISTANCE_STEPS,
             "substeps": [COARSE, CONVERGED, shown.FINE],
         },
         "priors": {"friction": FRICTION, "beside": BESIDE_FRICTION, "bound": BOUND, "mass_bound": MASS_BOUND},
@@ -186,7 +196,7 @@ def spread(members: Sequence[Machine], machine: Machine, count: int) -> list[Mac
 
 
 def _effort(tables: int, *, quick: bool) -> Effort:
-    return Effort(max(tables, QUICK), 1, 1, 0) if quick else Effort(4 * max(tables, QUICK), 6, 3, len(STEPS))
+    return Effort(max(tables, QUICK), 1, 1, 0) if quick else Effort(4 * max(tables, QUICK), 6, 3, len(SEARCH_STEPS))
 
 
 def _of_search(effort: Effort) -> Effort:

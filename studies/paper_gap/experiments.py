@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 DWELLS: Final = (0.06, 0.12, 0.25, 0.5, 1.0, 1.5)  # s
 SIZES: Final = (5e-6, 10e-6, 15e-6, 20e-6)  # m; the deadbeat's thrust grows with the stroke, and the next is beyond it
 TIMES: Final = (20e-3, 22e-3, 24e-3, 26e-3, 30e-3)  # s until x_T* rests
-SLOW: Final = (2e-3, 1e-3)  # m, m/s
+SLOW_STROKE: Final = (2e-3, 1e-3)  # m, m/s
 STILL: Final = 10.0  # s
 PAUSE: Final = 0.25  # s between motions where the experiment does not say another
 FOUR: Final = "a reversal and an inching motion up and the same down"  # MOVES
@@ -77,9 +77,9 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
         Experiment("a hold", f"nothing moves for {STILL:g} s after a motion of {stroke}", _hold, observables.HOLD),
         Experiment(
             "a slow stroke",
-            f"a stroke of {SLOW[0] * 1e3:g} mm there and back at {SLOW[1] * 1e3:g} mm/s",
+            f"a stroke of {SLOW_STROKE[0] * 1e3:g} mm there and back at {SLOW_STROKE[1] * 1e3:g} mm/s",
             _slow,
-            observables.SLOW,
+            observables.SLOW_STROKES,
         ),
     )
 
@@ -176,7 +176,7 @@ def _hold(machine: Machine, controller: Controller) -> Plan:
 
 
 def _slow(machine: Machine, controller: Controller) -> Plan:
-    planned = strokes(machine, SLOW[0], (SLOW[1],))
+    planned = strokes(machine, SLOW_STROKE[0], (SLOW_STROKE[1],))
     given = planned.given
     return Plan(_compensated(controller, planned.target, given.position, given.feedforward))
 

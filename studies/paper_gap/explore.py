@@ -30,8 +30,8 @@ from studies.paper_gap.candidates import (
 from studies.paper_gap.compensators import slope_error
 from studies.paper_gap.pattern import COARSE, CONVERGED, Outcome, Pattern, by_scale, outcome_of
 
-STEPS: Final = (0.15, 0.08, 0.03)  # Step of each round of the local search, as a fraction of the cube.
-MOST: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.
+SEARCH_STEPS: Final = (0.15, 0.08, 0.03)  # Step of each round of the local search, as a fraction of the cube.
+BEYOND_PRIOR_RATIO: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.
 ALONE, BESIDE, BEYOND = "alone", "beside", "beyond"
 
 
@@ -47,7 +47,7 @@ class Case:
         one = every()[self.name]
         if self.way == BESIDE:
             return both(one, wrong_friction(BESIDE_FRICTION))
-        return beyond(one, MOST) if self.way == BEYOND else one
+        return beyond(one, BEYOND_PRIOR_RATIO) if self.way == BEYOND else one
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Draw:
 @dataclass(frozen=True)
 class Effort:
     """draws: of a case, over all tables; kept: best draws that each round of the search begins from; near: points
-    drawn near each of them; rounds: at most len(STEPS)."""
+    drawn near each of them; rounds: at most len(SEARCH_STEPS)."""
 
     draws: int
     kept: int
@@ -163,7 +163,7 @@ def explore(tables: Sequence[Table], case: Case, pattern: Pattern, effort: Effor
     draws = [
         draw(tables, case, pattern, (i % len(tables), tuple(map(float, point))), False) for i, point in enumerate(cube)
     ]
-    for step in STEPS[: effort.rounds]:
+    for step in SEARCH_STEPS[: effort.rounds]:
         draws += [draw(tables, case, pattern, place, True) for place in _near(draws, effort, step, rng)]
     return draws
 

@@ -174,7 +174,7 @@ HOLD: Final = (
     Observable("reading: rms", "m", _hold_reading),
     Observable("command: second half less first", "N", _hold_command),
 )
-SLOW: Final = (
+SLOW_STROKES: Final = (
     Observable("command: half the difference there and back", "N", _slow_odd),
     Observable("command: half the sum there and back", "N", _slow_even),
     Observable("command: second half of the way less first", "N", _slow_place),

@@ -19,8 +19,8 @@ from models.machine import Machine
 Array = NDArray[np.float64]
 
 COARSE: Final = 10  # substeps in a sample, of most outcomes;
-CONVERGED: Final = 40  # of those that come within NEAR of what was published, which alone are counted
-NEAR: Final = 3.0  # steps of the scale
+CONVERGED: Final = 40  # of those that come within MAX_DISTANCE_STEPS of what was published, which alone are counted
+MAX_DISTANCE_STEPS: Final = 3.0  # steps of the scale
 PERIODS: Final = 2  # of the sequence; the last one is judged
 
 
@@ -47,7 +47,7 @@ class Pattern:
 
     def near(self, outcome: Outcome) -> bool:
         """Whether an outcome is so near that it is worth a simulation at CONVERGED substeps."""
-        return self.loose_distance(outcome) <= NEAR * self.step
+        return self.loose_distance(outcome) <= MAX_DISTANCE_STEPS * self.step
 
     def _violation(self, miss: float) -> float:
         return miss if miss > ROUNDING * self.tolerance else 0.0

@@ -22,7 +22,7 @@ from studies.wording import effect, filters, quantity
 
 Results = Mapping[str, Any]
 MICRO: Final = 1e6
-FEW: Final = 10  # agreeing draws, below which no odds are given
+MIN_AGREEING_DRAWS: Final = 10  # agreeing draws, below which no odds are given
 COLOURED: Final = 3  # candidates of a family that have a colour of their own: those that come nearest
 WAYS: Final = {
     "alone": "alone",
@@ -140,9 +140,9 @@ def _counted(share: Results) -> str:
 
 
 def _told(evidence: Results, reading: str, kind: str) -> str:
-    """The probability of a kind with its interval, in a table; none of fewer than FEW draws."""
+    """The probability of a kind with its interval, in a table; none of fewer than MIN_AGREEING_DRAWS draws."""
     found = evidence["odds"][reading][kind]
-    return "–" if found is None or _agreeing(evidence, reading)[0] < FEW else _odds(found)
+    return "–" if found is None or _agreeing(evidence, reading)[0] < MIN_AGREEING_DRAWS else _odds(found)
 
 
 def _agreeing(evidence: Results, reading: str) -> tuple[int, int]:
@@ -158,9 +158,10 @@ def _odds(found: Results) -> str:
 
 
 def _likely(evidence: Results, reading: str) -> str:
-    """The probabilities of the kinds, the largest first, as a part of a sentence; no odds of fewer than FEW draws."""
+    """The probabilities of the kinds, the largest first, as a part of a sentence; no odds of fewer than
+    MIN_AGREEING_DRAWS draws."""
     count, of = _agreeing(evidence, reading)
-    if count < FEW:
+    if count < MIN_AGREEING_DRAWS:
         return f"{count or 'none'} of the {of} draws {'agrees' if count == 1 else 'agree'}, too few for odds"
     odds = evidence["odds"][reading]
     kinds = sorted(odds, key=lambda kind: -float(odds[kind]["probability"]))

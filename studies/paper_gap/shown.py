@@ -23,10 +23,11 @@ Chosen = Mapping[str, Sequence[Draw]]
 
 FINE: Final = 160  # Substeps in a sample for the repeated simulation of draws that show the pattern.
 TUNED: Final = 3  # Sizes of each candidate that are examined.
-LEAST: Final = 4  # The least number of candidates examined; if fewer show the pattern, the nearest others are added.
+# The least number of candidates examined; if fewer show the pattern, the nearest others are added.
+MIN_EXAMINED: Final = 4
 SECONDS: Final = 0.1  # of each motion that is shown
 DRAWN: Final = 5  # candidates whose responses are shown
-PARTS: Final = {
+CONTAINED_CANDIDATES: Final = {
     "wrong_friction": ("friction_level", "presliding_length"),
     "all_parameters": ("wrong_friction", "friction_level", "presliding_length", "moving_mass", "dead_time"),
 }  # of candidates that vary several numbers: where a part shows the pattern, the whole does
@@ -42,7 +43,7 @@ def choose(explored: Explored, order: Sequence[str]) -> Chosen:
         if verdict(explored[name]) != NEVER or loose(explored[name])
     }
     others = [tuned(explored[name], 1) for name in order if name not in found]
-    for nearest in sorted(others, key=lambda draws: draws[0].distance)[: max(LEAST - len(found), 0)]:
+    for nearest in sorted(others, key=lambda draws: draws[0].distance)[: max(MIN_EXAMINED - len(found), 0)]:
         found[nearest[0].case.name] = nearest
     return found
 
@@ -145,7 +146,7 @@ def _acts(draws: Sequence[Draw]) -> bool:
 
 def _apart(chosen: Chosen) -> list[str]:
     """The names without those of which a part is among them."""
-    return [name for name in chosen if not any(part in chosen for part in PARTS.get(name, ()))]
+    return [name for name in chosen if not any(part in chosen for part in CONTAINED_CANDIDATES.get(name, ()))]
 
 
 def _measured(given: tuple[Table, Draw]) -> list[list[float]]:

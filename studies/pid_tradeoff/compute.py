@@ -50,9 +50,10 @@ QUICK_LEVELS: Final = (1.4, 2.4, 3.0)
 ASSESSMENTS: Final = 10  # of each plant's loop that the tuning of one level takes the time of, about
 QUICK_MEMBERS: Final = 10  # A quick run takes one machine of an ensemble out of so many.
 QUICKER: Final = 0.05  # of a settling time, by which a feedback is better than another
-SHOWN: Final = 4.0  # The figures show so many settling times of the reversal.
-BETWEEN: Final = 2.0  # The path between the samples is shown for so many settling times after a step of friction.
-PARTS: Final = 10  # That path has so many points a sample.
+DRAWN_SETTLING_TIMES: Final = 4.0  # The figures show so many settling times of the reversal.
+# The path between the samples is shown for so many settling times after a step of friction.
+INTERSAMPLE_SETTLING_TIMES: Final = 2.0
+POINTS_PER_SAMPLE: Final = 10  # That path has so many points a sample.
 
 
 @dataclass(frozen=True)
@@ -391,9 +392,9 @@ def _limits(machine: Machine, rolling: Member, points: Sequence[Point], present:
 def _reversal(
     machine: Machine, every: Sequence[Point], validations: Sequence[Validation], which: Sequence[Point]
 ) -> dict[str, Any]:
-    """The first SHOWN settling times of the reversal with some PIDs, without compensation."""
+    """The first DRAWN_SETTLING_TIMES settling times of the reversal with some PIDs, without compensation."""
     wanted = machine.specification
-    count = round(min(SHOWN * wanted.settling_time, wanted.interval) / machine.sample_time)
+    count = round(min(DRAWN_SETTLING_TIMES * wanted.settling_time, wanted.interval) / machine.sample_time)
     curves = []
     for point in which:
         error = validations[every.index(point)].reversal.error[:count]
@@ -406,11 +407,11 @@ def _between(machine: Machine, pid: PID) -> dict[str, Any]:
     found: dict[str, Any] = {}
     worst, ts, known = 0.0, machine.sample_time, linear(machine)
     for name, slope in slopes(machine).items():
-        count = round(BETWEEN * machine.specification.settling_time / ts)
+        count = round(INTERSAMPLE_SETTLING_TIMES * machine.specification.settling_time / ts)
         beside = {"stiffness": slope + known.spring, "damping": known.drag, "lag": known.lag}
-        path = _force(machine) * intersample(known.plant, pid, ts, count, parts=PARTS, **beside)
-        at_samples = path[::PARTS]
-        found["time_s"] = np.arange(path.size) * ts / PARTS
+        path = _force(machine) * intersample(known.plant, pid, ts, count, parts=POINTS_PER_SAMPLE, **beside)
+        at_samples = path[::POINTS_PER_SAMPLE]
+        found["time_s"] = np.arange(path.size) * ts / POINTS_PER_SAMPLE
         found[name] = {"path_m": path, "samples_m": at_samples}
         worst = max(worst, float(np.max(np.abs(path)) / np.max(np.abs(at_samples)) - 1))
     return {**found, "largest_beyond": worst}

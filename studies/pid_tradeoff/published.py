@@ -32,7 +32,7 @@ SECOND: Final = "Åström and Hägglund, J. Process Control 14 (2004), 635–650
 TOLERANCE: Final = 1e-5
 STEP: Final = 1.02  # Factor by which the derivative gain grows until L touches the circle a second time.
 TOUCHES: Final = 1e-4  # A second maximum of |S| within this fraction of the bound touches it.
-NEAR: Final = 0.01  # One within this fraction approaches the bound linearly.
+LINEAR_APPROACH_DISTANCE: Final = 0.01  # One within this fraction approaches the bound linearly.
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _touching_once(problem: Problem, bounds: Bounds, start: PID) -> PID:
         pid = at(pid.kd * STEP, pid)
         gains.append(pid.kd)
         left.append(1 - _second_maximum(problem, pid) / bounds.ms)
-    line = [i for i, distance in enumerate(left) if TOUCHES < distance < NEAR]
+    line = [i for i, distance in enumerate(left) if TOUCHES < distance < LINEAR_APPROACH_DISTANCE]
     kd = float(np.polyval(np.polyfit([left[i] for i in line], [gains[i] for i in line], 1), 0.0))
     return at(kd, replace(pid, kp=0.9 * pid.kp, ki=0.8 * pid.ki))
 

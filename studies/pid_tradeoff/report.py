@@ -34,7 +34,7 @@ def tell(whole: Results) -> Report:
         Figure("bode", BODE, ("results.loops",), _bode),
         Figure("nyquist", NYQUIST, ("results.loops", "results.chosen"), _nyquist),
         Figure("sensitivities", SENSITIVITIES, ("results.loops", "results.wanted", "results.chosen"), _sensitivities),
-        Figure("between", BETWEEN, ("results.between",), _between),
+        Figure("between", INTERSAMPLE_CAPTION, ("results.between",), _between),
     ]
     if whole["results"]["ensemble"]:
         keys = ("results.ensemble", "machine.specification")
@@ -81,7 +81,7 @@ ENSEMBLE = Markdown(
     "Every member of the ensemble: settling of its reversal without friction compensation against the largest $|S|$ of "
     "its plants, with the same PID for all, and with the PID that each was chosen with (its own)."
 )
-BETWEEN = "Position after a step of friction of the reversal's size, chosen PID, between the samples too."
+INTERSAMPLE_CAPTION = "Position after a step of friction of the reversal's size, chosen PID, between the samples too."
 
 
 def _gain(number: float | None) -> str:

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 KEPT: Final = Path(__file__).parent / "conventions.toml"
 TABLES: Final = 40  # of each other convention
-HELD: Final = 80  # by their search from step to step
+SEARCH_MEMBERS: Final = 80  # by their search from step to step
 
 RANGED: Final = ("mass", "kp", "ki", "kd")
 CHOSEN_DIVISOR: Final = tuple(Convention(objective, monotone) for objective, monotone in FEEDFORWARDS)
@@ -85,7 +85,9 @@ def searched(machine: Machine, seed: int, *, workers: int, tell: Callable[[float
             tell((i + share) / len(SEARCHED), text)
 
         try:
-            members = search(machine, TABLES, seed, workers=workers, tell=part, convention=convention, held=HELD)
+            members = search(
+                machine, TABLES, seed, workers=workers, tell=part, convention=convention, held=SEARCH_MEMBERS
+            )
         except SearchError:  # no table is the paper's by this convention
             members = ()
         blocks.append(to_text(convention, [member.theta for member in members]))

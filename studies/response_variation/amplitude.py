@@ -28,7 +28,7 @@ MACRO: Final = 50.0  # strokes of the amplitude whose balance of mass and fricti
 LOWEST: Final = 0.3  # of that at which both take the same force, 3.5 Hz on the paper's table,
 HIGHEST: Final = 60.0
 DROOP: Final = 0.9  # of the rolling plant's amplitude: where less is left, the amplitude has decreased
-CYCLES: Final = 6  # of a simulated sine, of which the first grow
+SIMULATED_CYCLES: Final = 6  # of a simulated sine, of which the first grow
 GROWING: Final = 2
 READ: Final = 3  # and the last are evaluated
 SIMULATED: Final = ((1.0, (0.6, 1.5, 3.0)), (MACRO, (0.6, 0.9, 1.5, 2.5)))  # strokes, and frequencies in units of that
@@ -101,7 +101,7 @@ def _simulated(machine: Machine, amplitude: float, hertz: float) -> dict[str, fl
     """
     ts, omega = machine.sample_time, 2 * math.pi * hertz
     cycle = round(1 / (hertz * ts))
-    k = np.arange(CYCLES * cycle)
+    k = np.arange(SIMULATED_CYCLES * cycle)
     path = amplitude * np.minimum(k / (GROWING * cycle), 1.0) * np.sin(omega * k * ts)
     still = np.zeros(k.size)
     response = simulate(machine, machine.feedback_only(), path, given=References(path, still, still))

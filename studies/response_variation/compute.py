@@ -39,11 +39,11 @@ from studies.study import Answer, Check, Progress
 Array = NDArray[np.float64]
 
 LEAST_ELEMENTS: Final = 3  # of friction: two whose forces have a trend in Region 1, and one for Region 2
-LEAST: Final = 50  # tables that the set should have
+MIN_TABLES: Final = 50  # tables that the set should have
 SEARCHED: Final = 2000  # tables that a search simulates, about
 EXCHANGE: Final = 7  # periods in the exchange of a table's histories
 QUICK: Final = 6  # of them that a quick run simulates
-FEW: Final = 2  # of these under other conventions
+QUICK_OTHER_TABLES: Final = 2  # of these under other conventions
 SECONDS: Final = {
     "search": 50.0,
     "simulate": 2.0,
@@ -206,7 +206,7 @@ def _open_choices(
             workers=min(os.cpu_count() or 1, 2),
             tell=lambda share, text: tell("conventions", 0.9 * share, text),
         )
-    some = shown[:FEW] if options.quick else shown
+    some = shown[:QUICK_OTHER_TABLES] if options.quick else shown
     return alternatives(machine, members, some, files.get("conventions.toml", kept), quick=options.quick), files
 
 
@@ -367,7 +367,7 @@ def _checks_of_set(central: Shown, tables: Sequence[Shown], results: dict[str, A
     sensitivity = max(results["set"]["largest_Ms"])
     rated = central.machine.drive.rated_thrust
     return (
-        Check("members of the set", results["members"], "1", LEAST, "as many as show what is left open", ">="),
+        Check("members of the set", results["members"], "1", MIN_TABLES, "as many as show what is left open", ">="),
         Check("largest difference of a member to the paper", worst, "1", TOLERANCE, "III.B, V.B"),
         *(
             [

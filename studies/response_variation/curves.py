@@ -19,7 +19,7 @@ from studies.response_variation.published import Shown
 
 Array = NDArray[np.float64]
 
-SHOWN: Final = 0.1  # [s] The length of each motion shown, or all of a shorter one.
+MAX_SHOWN_S: Final = 0.1  # [s] The length of each motion shown, or all of a shorter one.
 LEG: Final = 120  # points from one corner of a hysteresis curve to the next
 OVERVIEW: Final = (-150, 150, -150)  # corners [um], as in Fig. 3a
 INNER: Final = (-150, 150, -150, -40, -100, 20, -30, 80, 40, 60, -150)  # corners [um], loops within loops as in Fig. 4
@@ -101,7 +101,7 @@ def reference(machine: Machine) -> dict[str, Any]:
 def responses(central: Validation, others: Sequence[Validation]) -> dict[str, Any]:
     """Figs. 7, 8, 12 and 14: the positive motions of the central table with the range of each over the set."""
     shortest = min(one.motion.stop - one.motion.start for one in central.positive)
-    n = min(round(SHOWN / central.response.record.sample_time), shortest)
+    n = min(round(MAX_SHOWN_S / central.response.record.sample_time), shortest)
     motions = [
         _motion(central, one, [(each, each.positive[i]) for each in others], n)
         for i, one in enumerate(central.positive)

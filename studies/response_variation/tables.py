@@ -14,8 +14,8 @@ from studies.response_variation.search import RANGES, Range
 
 Array = NDArray[np.float64]
 
-LEAST: Final = 1e-12  # Stands for an outcome of none [s], [m],
-MOST: Final = 1e3  # and for that of a motion that never settles.
+ZERO_OUTCOME: Final = 1e-12  # Stands for an outcome of none [s], [m],
+NEVER_SETTLED: Final = 1e3  # and for that of a motion that never settles.
 _SEARCHED: Final = {one.name: one for one in RANGES}
 # The three gains stand for the four numbers that the search draws them from.
 COORDINATES: Final = (
@@ -65,7 +65,9 @@ def most_central(machines: Sequence[Machine], outcomes: ArrayLike) -> int:
     Distances are those of the logarithms of the unpublished parameters and of the outcomes (len(machines), m), each in
     units of its deviation over the tables: central in parameters and in behaviour.
     """
-    points = np.hstack([logarithms(machines), np.log(np.clip(np.asarray(outcomes, float), LEAST, MOST))])
+    points = np.hstack(
+        [logarithms(machines), np.log(np.clip(np.asarray(outcomes, float), ZERO_OUTCOME, NEVER_SETTLED))]
+    )
     deviation = np.std(points, axis=0)
     points = points / np.where(deviation > 0, deviation, 1.0)
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)

@@ -10,13 +10,13 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from studies.catalogue import find
-from studies.folder import HASH, LONGEST, is_inside
+from studies.folder import HASH, MAX_MANIFEST_BYTES, is_inside
 from studies.options import BadInputError, Option
 from studies.review.copying import visible
 from studies.study import Study
 
 TEXT: Final = 500  # characters of an option's value
-MANY: Final = 200  # options, files, versions
+MAX_CLAIMED_ENTRIES: Final = 200  # options, files, versions
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def read_manifest(folder: Path, where: str) -> dict[str, Any]:
     if not file.is_file():
         raise BadInputError(f"{where}: has no manifest.json; give a folder that a study wrote")
     try:
-        content = json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= LONGEST else None
+        content = json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= MAX_MANIFEST_BYTES else None
     except (OSError, ValueError, RecursionError) as error:
         raise _no_manifest(where) from error
     if not isinstance(content, dict) or not all(
@@ -98,7 +98,10 @@ def read_claim(content: Mapping[str, Any], where: str) -> Claim:
         machine, source, lock = inputs["machine"], inputs["source"], inputs["lock"]
         files = tuple(GivenFile(one["option"], one["file"], one["sha256"]) for one in inputs["files"])
         plain = (content["options"], versions, machine, source, lock, content["outputs"])
-        if not all(isinstance(one, dict) and len(one) <= 10 * MANY for one in plain) or len(files) > MANY:
+        if (
+            not all(isinstance(one, dict) and len(one) <= 10 * MAX_CLAIMED_ENTRIES for one in plain)
+            or len(files) > MAX_CLAIMED_ENTRIES
+        ):
             raise _no_manifest(where)
         names = [machine["copy"], source["sha256"], machine["sha256"], *versions.values()]
         names += [part for file in files for part in (file.option, file.path, file.sha256)]
@@ -171,5 +174,5 @@ def _items(value: Any) -> list[Any]:
 def _is_plain(value: Any) -> bool:
     """Whether a value is one that a command line can give: a word, a number, a flag, or a list of words."""
     if isinstance(value, list):
-        return len(value) <= MANY and all(isinstance(one, str) and len(one) <= TEXT for one in value)
+        return len(value) <= MAX_CLAIMED_ENTRIES and all(isinstance(one, str) and len(one) <= TEXT for one in value)
     return value is None or isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= TEXT)

@@ -21,9 +21,9 @@ from models.smooth_friction import follow_smoothed
 Array = NDArray[np.float64]
 
 RATIOS: Final = (0.3, 0.1, 0.03, 0.01, 0.003)
-PARTS: Final = (2, 4, 8, 16)  # substeps of a sample; two, as the thrust changes within it
+SUBSTEP_COUNTS: Final = (2, 4, 8, 16)  # substeps of a sample; two, as the thrust changes within it
 FINE: Final = 160
-STEPS: Final = (-3.0, -1.3)  # decades of a random path's steps [1, of the longest limit]
+PATH_STEP_DECADES: Final = (-3.0, -1.3)  # decades of a random path's steps [1, of the longest limit]
 SETTLED: Final = 1.2  # settling times of the loop's response that are compared
 
 
@@ -33,7 +33,9 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
     limits = np.array(friction.limit)
     count = 4 if quick else 20
     longest = float(np.max(limits))
-    paths = [np.cumsum(rng.standard_normal(400)) * longest * 10 ** rng.uniform(*STEPS) for _ in range(count)]
+    paths = [
+        np.cumsum(rng.standard_normal(400)) * longest * 10 ** rng.uniform(*PATH_STEP_DECADES) for _ in range(count)
+    ]
     starts = [rng.uniform(-1, 1, limits.size) * limits for _ in range(count)]
     scales = rng.uniform(0.1, 2.0, count)
     exact_paths = [follow(friction, path, start)[0] for path, start in zip(paths, starts, strict=True)]
@@ -58,13 +60,20 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
 def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
     """The error [m] of the response to given references due to friction once a sample, and its order in the substep.
 
-    Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of PARTS, against FINE of them.
+    Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of SUBSTEP_COUNTS, against FINE of them.
     """
     exact = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
     law = feedback_alone(machine)
     best = simulate(exact, law, target, given=given, substeps=FINE).position
-    left = [float(np.max(np.abs(simulate(exact, law, target, given=given, substeps=n).position - best))) for n in PARTS]
-    return {"substeps": PARTS, "left_m": left, "order": float(-np.polyfit(np.log(PARTS), np.log(left), 1)[0])}
+    left = [
+        float(np.max(np.abs(simulate(exact, law, target, given=given, substeps=n).position - best)))
+        for n in SUBSTEP_COUNTS
+    ]
+    return {
+        "substeps": SUBSTEP_COUNTS,
+        "left_m": left,
+        "order": float(-np.polyfit(np.log(SUBSTEP_COUNTS), np.log(left), 1)[0]),
+    }
 
 
 def _response(machine: Machine, motion: Trajectory, start: Array, scale: float, ratio: float) -> Array:

@@ -12,7 +12,7 @@ import pytest
 from models.machine import DEFAULT, load
 from studies.catalogue import every
 from studies.command import BAD_INPUT, main
-from studies.effort import MOST, SAID, foresee, lasting, more_samples, period, seconds_a_sample
+from studies.effort import MAX_MEMORY_BYTES, SAID, foresee, lasting, more_samples, period, seconds_a_sample
 from studies.options import BadInputError, Options
 from studies.study import Progress, between
 
@@ -39,7 +39,7 @@ def test_what_takes_long_is_said_and_what_takes_too_long_is_refused() -> None:
     with pytest.raises(BadInputError, match="more than 10 s"):
         told(15.0, limit=10.0)
     with pytest.raises(BadInputError, match=r"9 GB, .* is refused"):
-        told(1.0, 2.1 * MOST)
+        told(1.0, 2.1 * MAX_MEMORY_BYTES)
 
 
 def test_a_time_is_told_so_that_it_can_be_given_back() -> None:

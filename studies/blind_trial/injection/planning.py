@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 THIRDS: Final = 3
 OF_TOLERANCE: Final = {"low": 1 / 3, "middle": 1.0, "high": 2.0}  # sizes of what is a wrong nominal value
-SMALL: Final = 1e-3  # of the largest force: at this size a law is measured that is not linear in it
+PROBE_FORCE_SHARE: Final = 1e-3  # of the largest force: at this size a law is measured that is not linear in it
 STEEPEST: Final = 0.3  # largest size of a law that divides the thrust
 LARGEST: Final = 0.3  # of the record's own command: an injected force beyond, both as rms, would be no small change
 
@@ -101,7 +101,7 @@ def draw(plan: Plan, known: Known) -> Drawn:
     if law.kind == "parameters":
         size = OF_TOLERANCE[plan.severity] * known.tolerances[law.name]
     else:
-        seen = distance(law.force(path, SMALL, shape), noise) / SMALL
+        seen = distance(law.force(path, PROBE_FORCE_SHARE, shape), noise) / PROBE_FORCE_SHARE
         size = SIZES[plan.severity] / seen
         size = min(size, STEEPEST) if law.unit == "1" else size
     force = law.force(path, size, shape)

@@ -8,7 +8,7 @@ import pytest
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from studies.gap_diagnosis.compute import _of_all_contacts
-from studies.gap_diagnosis.how_far import SLOWER, _slower
+from studies.gap_diagnosis.how_far import MIN_SETTLING_ERROR_RATIO, _slower
 from studies.gap_diagnosis.values_off import in_percent
 from tests.diagnosis.tables import table
 
@@ -32,7 +32,12 @@ def test_a_share_is_written_out() -> None:
 
 @pytest.mark.parametrize(
     ("before", "after", "said"),
-    [(10e-3, 15e-3, True), (10e-3, SLOWER * 9.99e-3, False), (None, 15e-3, False), (10e-3, None, False)],
+    [
+        (10e-3, 15e-3, True),
+        (10e-3, MIN_SETTLING_ERROR_RATIO * 9.99e-3, False),
+        (None, 15e-3, False),
+        (10e-3, None, False),
+    ],
 )
 def test_a_larger_error_of_settling_is_told_of_the_file_handed_over(
     before: float | None, after: float | None, said: bool
