@@ -13,7 +13,7 @@ from models.machine import Machine
 from models.quantity import show
 from models.simulation.simulator import simulate
 
-TRIED: Final = 200  # samples of a short simulation: what doubles in each of them would be beyond all numbers
+GROWTH_SAMPLES: Final = 200  # samples of a short simulation: what doubles in each of them would be beyond all numbers
 UNSTABLE: Final = 1e-6  # A pole so far beyond the unit circle is not one on it that round-off has moved.
 
 
@@ -67,11 +67,12 @@ def _require_simulable(machine: Machine) -> None:
     if not machine.effects and not any(machine.friction.damping):
         return
     with np.errstate(all="ignore"):
-        response = simulate(machine, machine.feedback_only(), np.full(TRIED, machine.specification.stroke))
+        response = simulate(machine, machine.feedback_only(), np.full(GROWTH_SAMPLES, machine.specification.stroke))
     if not np.all(np.isfinite(response.position)):
         raise DesignError(
             f"effects, friction.damping: their forces make a mass of {show(machine.plant.mass, 'kg')} run away within "
-            f"{show(TRIED * machine.sample_time, 's')} of simulation; correct coefficients that multiply a speed"
+            f"{show(GROWTH_SAMPLES * machine.sample_time, 's')} of simulation; correct coefficients that "
+            "multiply a speed"
         )
 
 

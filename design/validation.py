@@ -20,10 +20,11 @@ Array = NDArray[np.float64]
 Reading = Literal["position", "scale"]
 
 PERIODS: Final = 3  # The sequence is simulated so often at first; the default machine then repeats itself.
-LONGER: Final = (6, 12, 24)  # So many periods are tried where fewer do not repeat.
+LONGER_PERIODS: Final = (6, 12, 24)  # So many periods are tried where fewer do not repeat.
 OF_TOLERANCE: Final = 0.05  # of the tolerance: by so much two periods may differ and a motion is judged all the same
 BATCH: Final = 40  # At most so many machines are simulated side by side,
-BLOCK: Final = 10_000_000  # and so few that they have no more samples together, of about 100 bytes each: 1 GB.
+# and so few that they have no more samples together, of about 100 bytes each: 1 GB.
+MAX_BLOCK_SAMPLES: Final = 10_000_000
 ROUNDING: Final = 1e-9  # Relative. Readings are rounded multiples of the resolution, and 20 of 0.1 um are within 2 um.
 
 
@@ -121,7 +122,7 @@ def validate(
     >>> validation.slowest.settling_time < machine.specification.settling_time  # [s]
     True
     """
-    for count in (PERIODS, *LONGER) if periods is None else (periods,):
+    for count in (PERIODS, *LONGER_PERIODS) if periods is None else (periods,):
         target = sequence(machine, stroke, count, lead)
         response = simulate(machine, controller, target, substeps=substeps, seed=seed)
         found = assess(machine, response, stroke=stroke, periods=count, reading=reading)
@@ -145,7 +146,8 @@ def validate_many(
 
     controller, given: for all, or one for each; given: x_T*, u_ff, u_rf over the whole `sequence`. The machines must
     agree in stroke, number and interval of motions and sample time. Whether the last two periods agree is in each
-    Validation's repeat_error [m]. Each keeps its last period only; what is simulated at a time is bounded by BLOCK.
+    Validation's repeat_error [m]. Each keeps its last period only; what is simulated at a time is bounded by
+    MAX_BLOCK_SAMPLES.
     """
     if not machines:
         return ()
@@ -173,7 +175,7 @@ def respond(
     keeps little of each response needs memory for one batch only.
     """
     laws = [controller] * len(machines) if isinstance(controller, Controller) else controller
-    size = max(min(BATCH, BLOCK // max(target.size, 1)), 1)
+    size = max(min(BATCH, MAX_BLOCK_SAMPLES // max(target.size, 1)), 1)
     for begin in range(0, len(machines), size):
         part = slice(begin, begin + size)
         its = given if given is None or isinstance(given, References) else given[part]

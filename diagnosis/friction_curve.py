@@ -30,7 +30,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-GRID: Final = 24  # limits that are tried, from a third of the shortest to half as much again as the longest
+GRID_LIMITS: Final = 24  # limits that are tried, from a third of the shortest to half as much again as the longest
 MIN_LIMIT_RATIO, MAX_LIMIT_RATIO = 1 / 3, 1.5
 MAX_ELEMENTS: Final = 32  # elements: a re-fit of 40 took 16 times as long as one of 7
 ITERATIONS: Final = 12
@@ -63,7 +63,7 @@ def curve_gain(fitted: Fit, records: Sequence[Record], segment: NDArray[np.int64
     """The chi-square [1] that another curve of the friction, of elements with limits of any length, takes off motions
     to which it was not fitted, beside all that is nominal; segment as above."""
     limit = np.array(fitted.candidate.machine.friction.limit)
-    grid = np.geomspace(MIN_LIMIT_RATIO * np.min(limit), MAX_LIMIT_RATIO * np.max(limit), GRID)
+    grid = np.geomspace(MIN_LIMIT_RATIO * np.min(limit), MAX_LIMIT_RATIO * np.max(limit), GRID_LIMITS)
     forces = np.concatenate([-deflections(grid, one.path.at_samples) / grid for one in fitted.paths])
     own = partial_out(fitted, segment)
     whole = own(as_force(fitted, records, forces))

@@ -17,7 +17,7 @@ from diagnosis.verdict import Outcome
 from diagnosis.which.table import deviations_of
 from models.machine import Machine, Provenance, parameters
 
-OFFSET: Final = "drive.offset"
+OFFSET_PATH: Final = "drive.offset"
 
 
 def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine:
@@ -67,7 +67,7 @@ def _numbers(candidate: Candidate) -> dict[str, object]:
 def _with_offset(machine: Machine, offset: float, source: str) -> Machine:
     """The machine with another offset [N], which the records showed, and nothing else changed."""
     said = Provenance("identified", f"{source}, the mean of the force that the file left")
-    return replace(machine, drive=replace(machine.drive, offset=offset), sources={**machine.sources, OFFSET: said})
+    return replace(machine, drive=replace(machine.drive, offset=offset), sources={**machine.sources, OFFSET_PATH: said})
 
 
 def without_effects(diagnosis: Diagnosis) -> Diagnosis:

@@ -47,9 +47,10 @@ from models.simulation.simulator import simulate
 Array = NDArray[np.float64]
 Chance = tuple[dict[str, float], tuple[float, ...], float, float, tuple[float, ...]]
 
-DRAWS: Final = 8
+NULL_DRAWS: Final = 8
 LARGEST_CACHE: Final = 1 << 22  # bytes of a kept null, which has a few kB
-APART: Final = 0x9E3779B1  # of 2**31, by the golden ratio: where neighbouring seeds begin in the white force's numbers
+# Of 2**31, by the golden ratio: where neighbouring seeds begin in the white force's numbers.
+SEED_STRIDE: Final = 0x9E3779B1
 SIGNIFICANT_STDS: Final = 4.0  # deviations of a mean of the draws, beyond which it is not chance
 SETTLING: Final = 138.0  # loop times at rest before the record
 
@@ -165,7 +166,7 @@ def _white_force(candidate: Candidate, index: int, seed: int) -> tuple[WhiteForc
     if rough <= 1:
         return ()
     size = candidate.usual_white_force * math.sqrt(rough**2 - 1)
-    return (WhiteForce(size, candidate.nominal.sample_time, float(seed * APART % (1 << 31))),)
+    return (WhiteForce(size, candidate.nominal.sample_time, float(seed * SEED_STRIDE % (1 << 31))),)
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,7 @@ def begun(
     *,
     roughness: tuple[float, ...] = (),
     cache: Path | None = None,
-    draws: int = DRAWS,
+    draws: int = NULL_DRAWS,
     say: Callable[[str], None] = lambda _: None,
 ) -> Begun:
     """The gains [1] of every effect on `draws` simulated tables without any, begun with the first of them: on a drive

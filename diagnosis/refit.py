@@ -30,7 +30,7 @@ FIRST_ITERATIONS, LAST_ITERATIONS = 3, 6  # of each of them, and of the last ste
 RATED: Final = "drive.rated_thrust"
 FOLLOWED: Final = Provenance("identified", "the largest command of the records, which the drive followed")
 MORE: Final = 2.8  # times the slow walk, under which the starts are searched once more on a fine scale
-AGAIN: Final = 2  # times that the starts are searched once more
+START_SEARCHES: Final = 2  # times that the starts are searched once more
 MAX_CONTINUATIONS: Final = 6  # times that a fit which has not converged is continued
 MIN_CHI_SQUARE_GAIN: Final = 20.0  # fall of chi-square, up to which a fit is no better than the one before
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
@@ -191,7 +191,7 @@ def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
 def started(fitted: Fit, records: Sequence[Record]) -> Fit:
     """The fit with its records' starts searched anew, as long as that leaves less: what else is in the model decides
     which starts are best."""
-    for _ in range(AGAIN):
+    for _ in range(START_SEARCHES):
         better = fit(search(fitted, records), records, paths=fitted.paths, iterations=4, walk=fitted.walk)
         if fitted.cost - better.cost < MIN_CHI_SQUARE_GAIN:
             break

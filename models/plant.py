@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-UNITS: Final = "the thrust reference would not be in a unit of force or current"
+UNITS_REASON: Final = "the thrust reference would not be in a unit of force or current"
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Plant:
         "s", "equivalent dead time L", at_least=0, at_most=10, because="no loop is closed around more"
     )
     thrust_constant: float = value(
-        "1", "thrust per thrust reference K_t", above=0, at_least=1e-9, at_most=1e9, because=UNITS
+        "1", "thrust per thrust reference K_t", above=0, at_least=1e-9, at_most=1e9, because=UNITS_REASON
     )
     modes: tuple[Mode, ...] = ()
 

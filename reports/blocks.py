@@ -13,7 +13,7 @@ from reports.style import BLACK, TEXT_WIDTH
 
 LINE: Final = 0.9  # points
 SUM: Final = 2.2  # mm, the radius of a circle in which signals are added
-HEAD: Final = (2.2, 0.8)  # mm, length and half width of an arrow's head
+ARROW_HEAD_MM: Final = (2.2, 0.8)  # mm, length and half width of an arrow's head
 LETTERS: Final = 7.5  # points
 
 Point = tuple[float, float]
@@ -59,8 +59,8 @@ class Sheet:
         (x0, y0), (x1, y1) = points[-2:]
         length = max(((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5, 1e-9)
         dx, dy = (x1 - x0) / length, (y1 - y0) / length
-        back = x1 - HEAD[0] * dx, y1 - HEAD[0] * dy
-        side = HEAD[1] * dy, -HEAD[1] * dx
+        back = x1 - ARROW_HEAD_MM[0] * dx, y1 - ARROW_HEAD_MM[0] * dy
+        side = ARROW_HEAD_MM[1] * dy, -ARROW_HEAD_MM[1] * dx
         corners = [(x1, y1), (back[0] + side[0], back[1] + side[1]), (back[0] - side[0], back[1] - side[1])]
         self.axes.add_patch(Polygon(corners, closed=True, facecolor=BLACK, edgecolor="none", zorder=4))
         if text and at is not None:

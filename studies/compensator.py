@@ -9,7 +9,7 @@ from typing import Any
 from design.controller import assemble_bare, default_feedforward
 from design.deadbeat import Deadbeat, DesignError
 from design.element_count import EXTRA_COUNTS, Choice, choose, largest_count
-from design.validation import LONGER, PERIODS
+from design.validation import LONGER_PERIODS, PERIODS
 from models.machine import Machine
 from models.plant import Plant
 from models.quantity import show
@@ -101,6 +101,6 @@ def _line(choice: Choice) -> tuple[str, str]:
 def _foresee(machine: Machine, options: Options, progress: Progress) -> None:
     """The time of trying every number of elements, the last of which never becomes periodic."""
     samples, trials = period(machine), largest_count(machine)
-    simulated = (trials * PERIODS + sum(LONGER)) * samples
+    simulated = (trials * PERIODS + sum(LONGER_PERIODS)) * samples
     taken = {"the number of compensator elements": simulated * seconds_a_sample(machine)}
-    foresee(taken, max(LONGER) * samples * SIMULATED, options, progress)
+    foresee(taken, max(LONGER_PERIODS) * samples * SIMULATED, options, progress)

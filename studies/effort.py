@@ -25,7 +25,7 @@ MAX_MEMORY_BYTES: Final = 4 << 30  # bytes that it may be expected to hold
 SAID: Final = 20.0  # s from which on the time is said before the work
 PROBE: Final = 4000  # samples of the short simulation
 SIMULATED: Final = 150  # bytes that a simulated sample takes: its signals, of one machine
-ROOM: Final = 1.05  # of the samples of a table: its log begins before it and ends after it
+LOG_LENGTH_RATIO: Final = 1.05  # of the samples of a table: its log begins before it and ends after it
 DIAGNOSED: Final = 14_000  # bytes that a sample takes in a diagnosis: 150,000 samples took 2.2 GB
 TRANSFERRED: Final = 1.5  # factor on its time and memory where fits to single records are made beside that to all
 IDENTIFIED: Final = 1000  # bytes that a sample takes in an identification
@@ -56,7 +56,7 @@ def diagnosing(machine: Machine, samples: int, records: int) -> tuple[float, flo
 def more_samples(machine: Machine, rows: int, held: int, records: int, most: int) -> str:
     """What to give along with the record of a table of so many rows, beside others of `held` samples in so many
     `records`, where that makes them more samples than `most`; else nothing."""
-    count = math.ceil(ROOM * rows) + held
+    count = math.ceil(LOG_LENGTH_RATIO * rows) + held
     if count <= most:
         return ""
     most = math.ceil(count / 1000) * 1000

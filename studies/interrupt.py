@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 INTERRUPTED: Final = 130  # The exit status after SIGINT; after another signal, too, it is 128 and the signal's number.
-AGAIN: Final = 0.05  # s until a child that is putting its files in place is told again
+RETRY_S: Final = 0.05  # s until a child that is putting its files in place is told again
 PATIENCE: Final = 20.0  # s for that; then the child is killed
 CLEARING: Final = 0.4  # s for processes that clear shared memory up when the child has ended
 SCRATCH: Final = b"-"
@@ -119,7 +119,7 @@ def end_with(alive: int) -> None:
         os.read(alive, 1)
         while True:
             os.killpg(0, signal.SIGTERM)
-            time.sleep(AGAIN)
+            time.sleep(RETRY_S)
 
     threading.Thread(target=watch, daemon=True).start()
 
@@ -167,7 +167,7 @@ def _end(child: int) -> int:
     until = time.monotonic() + PATIENCE
     while True:
         _signal_group(child, signal.SIGTERM if time.monotonic() < until else signal.SIGKILL)
-        pause = time.monotonic() + AGAIN
+        pause = time.monotonic() + RETRY_S
         while time.monotonic() < pause:
             ended, status = os.waitpid(child, os.WNOHANG)
             if ended:

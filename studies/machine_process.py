@@ -47,7 +47,7 @@ PATIENCE: Final = (300.0, 20.0)  # s for the answer to a run, and times the run'
 ENDING: Final = 10.0  # s for a program to end by itself
 LOOKING: Final = 0.02  # s between two looks for the limits
 SAID: Final = 300  # characters of what a program said before it ended
-ROUNDING: Final = 5e-9  # by which what is written in nine digits may be beyond a limit: half of the last one
+PRINTED_ROUNDING: Final = 5e-9  # by which what is written in nine digits may be beyond a limit: half of the last one
 OF_A_RUN: Final = ("distance_m", "speed_m_per_s", "feedforward_N")
 OF_ALL_RUNS: Final = ("machine_time_s", "records")
 
@@ -120,7 +120,7 @@ def beyond(asked: Schedule, sample_time: float, limits: Limits, left: Left) -> s
     over = [
         f"{name}: {show(float(wanted), unit, 4)} is beyond the {show(float(most), unit, 4)} that there are"
         for name, wanted, most, unit in checked
-        if not wanted <= most * (1 + ROUNDING)
+        if not wanted <= most * (1 + PRINTED_ROUNDING)
     ]
     return "; ".join(over)
 

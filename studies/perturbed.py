@@ -14,8 +14,9 @@ RANGE: Final = Variation(friction_force=0.3, friction_length=0.3, mass=0.03, fre
 MODE_GAIN: Final = 0.2  # relative errors, either way and evenly
 DAMPING: Final = 0.5
 DEAD_TIME: Final = 0.2
-OFFSET: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
-FINE: Final = 0.25  # of the specified tolerance: what a design that meets all of this is to settle within
+OFFSET_FRICTION_SHARE: Final = 2 / 16.5  # of the Coulomb force: 2 N on the default machine
+# Of the specified tolerance: what a design that meets all of this is to settle within.
+STRICT_TOLERANCE_SHARE: Final = 0.25
 TOGETHER: Final = "all together"
 
 
@@ -41,7 +42,7 @@ def perturbations(machine: Machine) -> dict[str, Perturbed]:
         "mode gains": {"modal_gain": gain},
         "damping": {"damping": DAMPING},
         "dead time": {"dead_time": DEAD_TIME * machine.plant.dead_time},
-        "constant force": {"offset": OFFSET * machine.friction.coulomb_force},
+        "constant force": {"offset": OFFSET_FRICTION_SHARE * machine.friction.coulomb_force},
     }
     found = {name: Perturbed(Variation(**part)) for name, part in parts.items()}
     found["friction's state at the start"] = Perturbed(Variation(), start=True)

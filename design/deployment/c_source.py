@@ -8,7 +8,7 @@ from typing import Final
 from design.deployment.templating import filled, hexadecimal
 from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
-from models.deployment.learning_steps import SAME, lesson
+from models.deployment.learning_steps import MAX_STROKE_MISS, lesson
 
 PROGRAMS: Final = ("closed_loop", "session", "day")  # that close the loop with the plant
 
@@ -22,7 +22,7 @@ def law_sources(known: Coefficients, origin: str) -> dict[str, str]:
         "keep": known.pid.pole(known.sample_time),
         "early": taught.early.tolist(),
         "sooner": taught.sooner.tolist(),
-        "same": SAME,
+        "same": MAX_STROKE_MISS,
     }
     return {f"axis_law.{end}": filled(f"axis_law.{end}.j2", hexadecimal, **given) for end in ("h", "c")}
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 TORQUE_UNIT: Final = 1e-3  # of the rated thrust: what one of 60B2h is
-HEAD: Final = "time_s,target_position_607Ah_inc,velocity_offset_60B1h_inc_per_s,torque_offset_60B2h_permille"
+CSV_HEADER: Final = "time_s,target_position_607Ah_inc,velocity_offset_60B1h_inc_per_s,torque_offset_60B2h_permille"
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Profiles:
 
     def rows(self) -> Iterator[str]:
         """The lines of a CSV."""
-        yield HEAD
+        yield CSV_HEADER
         for k, one in enumerate(zip(self.position, self.velocity, self.torque, strict=True)):
             yield ",".join([repr(round(k * self.interval, 12)), *(str(number) for number in one)])
 

@@ -13,7 +13,7 @@ from typing import Final
 from design.deployment.templating import filled, hexadecimal
 from models.quantity import rotary
 
-NAMES: Final = uuid.UUID("0f0a7b52-2f0b-4d0c-9a55-0c5d2f2f6f11")
+UUID_NAMESPACE: Final = uuid.UUID("0f0a7b52-2f0b-4d0c-9a55-0c5d2f2f6f11")
 LONGEST_AGO: Final = (1980, 1, 1, 0, 0, 0)  # so that equal inputs give equal bytes
 
 
@@ -152,7 +152,7 @@ def fmu(
     binaries: shared libraries by their path below binaries/, such as "x86_64-linux/axis_plant.so". start_thrust [N]:
     the value with which the controller's parameter of that name starts. turns: whether the axis is rotary.
     """
-    token = f"{{{uuid.uuid5(NAMES, hashlib.sha256(''.join(sources.values()).encode()).hexdigest())}}}"
+    token = f"{{{uuid.uuid5(UUID_NAMESPACE, hashlib.sha256(''.join(sources.values()).encode()).hexdigest())}}}"
     given = {
         "kind": kind,
         "token": token,

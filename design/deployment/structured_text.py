@@ -13,7 +13,7 @@ from design.deployment.templating import filled
 from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
 from models.deployment.learning_numbers import Learning
-from models.deployment.learning_steps import SAME, lesson
+from models.deployment.learning_steps import MAX_STROKE_MISS, lesson
 from models.deployment.running_law import MAX_POSITION_M, RESET
 
 SECTIONS: Final = {
@@ -22,7 +22,7 @@ SECTIONS: Final = {
     "VAR": "localVars",
     "VAR CONSTANT": "localVars",
 }
-NAMES: Final = uuid.UUID("5f2d1f6e-6d0e-4c59-8e5f-0a8e5f3f0c11")
+UUID_NAMESPACE: Final = uuid.UUID("5f2d1f6e-6d0e-4c59-8e5f-0a8e5f3f0c11")
 STATE: Final = (
     *("fR", "fX", "fY", "fQ", "fU", "fBase", "fStep", "fForce", "fCompensation", "fPlan", "fError", "fFeedback"),
     *("fWanted", "fExcess", "fHeld", "fS", "fWay", "fLateWay", "fLastTarget", "fLastReading", "fLastBase"),
@@ -81,7 +81,7 @@ def law_unit(known: Coefficients) -> Unit:
 
 def twincat(unit: Unit) -> str:
     """The unit as TwinCAT 3 stores it."""
-    identity = uuid.uuid5(NAMES, unit.name)
+    identity = uuid.uuid5(UUID_NAMESPACE, unit.name)
     return (
         '<?xml version="1.0" encoding="utf-8"?>\n<TcPlcObject Version="1.1.0.1" ProductVersion="3.1.4024.0">\n'
         f'  <POU Name="{unit.name}" Id="{{{identity}}}" SpecialFunc="None">\n'
@@ -195,7 +195,7 @@ def _of_learning(
 ) -> tuple[dict[str, float], dict[str, int], dict[str, tuple[float, ...]]]:
     """Numbers, counts and tables of the learning."""
     given = lesson(learning, known.stroke, len(known.position))
-    numbers = {"STROKE": known.stroke, "SAME": SAME, "LEAST_FORCE": learning.least}
+    numbers = {"STROKE": known.stroke, "SAME": MAX_STROKE_MISS, "LEAST_FORCE": learning.least}
     numbers |= {"FAULTLESS_MASS": learning.faultless[0], "FAULTLESS_LATE": learning.faultless[1]}
     numbers |= {"MOST_MASS": learning.most[0], "MOST_LATE": learning.most[1]}
     counts = {"LENGTH_END": len(learning.length) - 1, "NOMINAL": learning.nominal, "WINDOW": learning.window}

@@ -17,8 +17,8 @@ from models.machine import Machine, Provenance
 from models.machines.parts import Covered
 from models.records.record import Record
 
-BEYOND: Final = 0.05  # A design within so much of the range asks for nothing new.
-APART: Final = 10  # samples over which a speed is taken, so that the scale's steps do not make it
+RANGE_MARGIN: Final = 0.05  # A design within so much of the range asks for nothing new.
+SPEED_SAMPLES: Final = 10  # samples over which a speed is taken, so that the scale's steps do not make it
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def excess(machine: Machine, force: float, speed: float) -> tuple[Excess, ...]:
     if machine.covered is None:
         return ()
     asked = (("force", "N", force, machine.covered.force), ("speed", "m/s", speed, machine.covered.speed))
-    return tuple(Excess(*one) for one in asked if one[2] > one[3] * (1 + BEYOND))
+    return tuple(Excess(*one) for one in asked if one[2] > one[3] * (1 + RANGE_MARGIN))
 
 
 def excess_of(validation: Validation) -> tuple[Excess, ...]:
@@ -71,8 +71,8 @@ def excess_to_json(design: str, found: Sequence[Excess]) -> list[dict[str, Any]]
 
 
 def _speed(record: Record) -> float:
-    """The largest speed [m/s] over APART samples."""
-    apart = min(APART, record.position.size - 1)
+    """The largest speed [m/s] over SPEED_SAMPLES samples."""
+    apart = min(SPEED_SAMPLES, record.position.size - 1)
     if apart < 1:
         return 0.0
     moved = np.abs(record.position[apart:] - record.position[:-apart])

@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
 MAX_PROFILE_SAMPLES: Final = 20_000  # samples that a profile may take
 RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
-LONGER: Final = 8  # times as long a rest where a move does not settle: presliding loops may be slow for their motions
+# Times as long a rest where a move does not settle: presliding loops may be slow for their motions.
+MAX_REST_FACTOR: Final = 8
 REPEATS: Final = 2  # there and back so often; the last counts, so that the friction's past is that of such moves
 FASTER: Final = 5.0  # sample times of anti-windup, where none is stated: the integral follows in a few samples
 
@@ -110,9 +111,9 @@ def plan(machine: Machine, controller: Controller, stroke: float) -> LongMove:
 
 def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0) -> Moved:
     """What the move achieves there and back; settled is what stays within the specified tolerance [m]. What does not
-    settle is watched for twice the time, up to LONGER times, unless it runs away."""
+    settle is watched for twice the time, up to MAX_REST_FACTOR times, unless it runs away."""
     ts, count, rest = machine.sample_time, round(move.duration / machine.sample_time), _rest(machine)
-    longest = max(min(LONGER * rest, MAX_PROFILE_SAMPLES), rest)
+    longest = max(min(MAX_REST_FACTOR * rest, MAX_PROFILE_SAMPLES), rest)
     while True:
         way = move.target(ts, rest)
         response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)

@@ -28,14 +28,14 @@ from design.pid.program import SLOTS
 from models.controller import PID
 from models.identification.solving import interruptible
 
-ROUNDS: Final = 40  # A start is given up after so many rounds in which frequencies join.
+MAX_ROUNDS: Final = 40  # A start is given up after so many rounds in which frequencies join.
 # The exact bounds come in once a round moves the gains by less than this share of the largest gain.
 EXACT_BOUNDS_GAIN_CHANGE: Final = 0.05
 # The rounds end when one moves the gains by less than this share of the largest gain, and by less than SETTLED times
 # the tolerance: the optimum is flat, so the gains need not be as exact as the peaks.
-WITHIN: Final = 0.04
+FINAL_GAIN_CHANGE: Final = 0.04
 SETTLED: Final = 1e2
-KEPT: Final = 1.01  # A solution that exceeds no bound by more than this factor is one to come back to.
+MAX_KEPT_EXCESS: Final = 1.01  # A solution that exceeds no bound by more than this factor is one to come back to.
 TRUST: Final = 3.0  # A gain may change by this factor in the first round, since the program knows few frequencies.
 LEAST_TRUST: Final = 1.05  # A start is given up if even so small a change leaves the bounds.
 EXACT_TRUST: Final = 0.1  # With the exact bounds, which let a loop pass -1, only this share of that change is allowed.
@@ -79,7 +79,7 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
     guess = before = _scaled(problem, start)
     slots = _tightest(problem, start, bounds, _critical(problem, start, bounds, NEARLY) + _base(problem))
     trust, exact, kept = TRUST, False, False
-    for count in range(1, ROUNDS + 1):
+    for count in range(1, MAX_ROUNDS + 1):
         solution = _solve(problem, bounds, slots, guess, trust, exact=exact)
         if solution is None:  # too far: back to where the bounds were kept, or half the way, and on in shorter steps
             trust, guess, exact = math.sqrt(trust), before if kept else 0.5 * (before + guess), False
@@ -90,12 +90,12 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
         pid = _pid(problem, solution)
         above = _critical(problem, pid, bounds, 1 + 0.01 * tolerance)
         excess = float(np.max(_shares(problem, pid, bounds, above), initial=0.0))
-        if excess <= KEPT:
+        if excess <= MAX_KEPT_EXCESS:
             before, kept = solution, True
         elif not kept:
             before = guess
         guess, certain = solution, excess <= 1 + tolerance
-        if certain and exact and moved < min(WITHIN, SETTLED * tolerance):
+        if certain and exact and moved < min(FINAL_GAIN_CHANGE, SETTLED * tolerance):
             loops = tuple(assess(member.plant, pid) for member in problem.members)
             if not all(loop.stable for loop in loops):
                 return Result(Ending.UNSTABLE, count)
@@ -106,7 +106,7 @@ def from_start(problem: Problem, bounds: Bounds, start: PID, tolerance: float) -
             above += between
         exact = moved < EXACT_BOUNDS_GAIN_CHANGE
         slots = _tightest(problem, pid, bounds, above + slots)
-    return Result(Ending.NEVER_SETTLED, ROUNDS)
+    return Result(Ending.NEVER_SETTLED, MAX_ROUNDS)
 
 
 def _trust(problem: Problem, guess: Array, factor: float) -> tuple[Array, Array]:

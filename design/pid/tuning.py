@@ -41,12 +41,12 @@ from models.quantity import show
 
 Start = tuple[str, PID]
 
-TOLERANCE: Final = 1e-4  # A certified peak may exceed its bound by this share.
+PEAK_TOLERANCE: Final = 1e-4  # A certified peak may exceed its bound by this share.
 # A program sees so many plants at most; more that are alike would crowd each other out of its slots.
 MAX_PLANTS: Final = 24
 # With an integral |CS| is the contact stiffness at low frequencies: its bound is at least so many times the steepest.
-ROOM: Final = 1.2
-REACH: Final = 50.0  # A gain may be this many times the one that a problem is scaled with.
+MIN_STIFFNESS_BOUND_RATIO: Final = 1.2
+MAX_GAIN_RATIO: Final = 50.0  # A gain may be this many times the one that a problem is scaled with.
 
 
 def tune_pid(
@@ -79,7 +79,7 @@ def tune_pid(
 
 def noise_bound(machine: Machine, present: Sequence[Assessment]) -> float:
     """The bound on |CS| [N/m] where none is asked for: that of the present PID's loops, or what an integral needs."""
-    return max(ROOM * max(slopes(machine).values()), *(loop.mcs.value for loop in present))
+    return max(MIN_STIFFNESS_BOUND_RATIO * max(slopes(machine).values()), *(loop.mcs.value for loop in present))
 
 
 def pose(
@@ -114,13 +114,15 @@ def pose(
         scale,
         {room: program(members, goal, scale, room, len(band)) for room in ROOMS},
         np.array([1e-4, 1e-6, 0.0, keep[0], -np.inf]),
-        np.array([REACH, REACH, REACH if derivative else 0.0, keep[1], np.inf]),
+        np.array([MAX_GAIN_RATIO, MAX_GAIN_RATIO, MAX_GAIN_RATIO if derivative else 0.0, keep[1], np.inf]),
         check,
         tuple(band),
     )
 
 
-def tune(problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], tolerance: float = TOLERANCE) -> Tuning:
+def tune(
+    problem: Problem, bounds: Bounds, starts: Sequence[tuple[str, PID]], tolerance: float = PEAK_TOLERANCE
+) -> Tuning:
     """The best certified PID within the bounds from several named starts, each attempt reported.
 
     tolerance [1]: by which a peak may exceed its bound, relative. Raises TuningError if no start leads to one.

@@ -17,7 +17,7 @@ from models.quantity import show, span
 WORSE: Final = 0.05  # relative, from which on a design counts as worse
 SATURATED: Final = 0.1  # share of the runs in which a new design may ask for more than the rated thrust
 
-UNITS: Final = {"settling": "s", "dispersion": "m"}
+MEASURE_UNITS: Final = {"settling": "s", "dispersion": "m"}
 CALLED: Final = {"settling": "settling of the slowest motion", "dispersion": "3 sigma"}
 
 
@@ -53,7 +53,7 @@ def chosen(designs: Sequence[Design], predictions: Sequence[Prediction], machine
                 how = "better on average" if on_average else "surely better"
                 reasons[designs[best].name] = f"{designs[i].name} is {how}"
             best = i
-    gains = {name: _gain(predictions[0], predictions[best], name) for name in UNITS}
+    gains = {name: _gain(predictions[0], predictions[best], name) for name in MEASURE_UNITS}
     return Chosen(designs[best], best == 0, reasons, gains)
 
 
@@ -65,15 +65,15 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
     """Why a design does not take the old one's place; empty where it does."""
     if new.saturated > max(old.saturated, SATURATED * new.settling.size):
         return f"it asks for more than the rated thrust in {new.saturated} of {new.settling.size} simulated runs"
-    for name, unit in UNITS.items():
+    for name, unit in MEASURE_UNITS.items():
         before, after = (float(np.median(getattr(one, name))) for one in (old, new))
         if after > before * (1 + WORSE) + least(machine)[name]:
             return f"{CALLED[name]} gets worse, from {show(before, unit, 3)} to {show(after, unit, 3)} in the median"
-    gains = {name: _gain(old, new, name) for name in UNITS}
+    gains = {name: _gain(old, new, name) for name in MEASURE_UNITS}
     if any(gain.low > 0 for gain in gains.values()):
         return ""
     told = " and ".join(
-        f"{span(show(gain.low, UNITS[name], 2), show(gain.high, UNITS[name], 2))} of {CALLED[name]}"
+        f"{span(show(gain.low, MEASURE_UNITS[name], 2), show(gain.high, MEASURE_UNITS[name], 2))} of {CALLED[name]}"
         for name, gain in gains.items()
     )
     return f"its gain is not sure: {told}"
@@ -86,7 +86,7 @@ def _stands_in(
     feedback, and better than the other in both quantities on average."""
     if designs[best].controller.feedback != designs[new].controller.feedback:
         return False
-    means = [[float(np.mean(getattr(predictions[one], name))) for name in UNITS] for one in (best, new)]
+    means = [[float(np.mean(getattr(predictions[one], name))) for name in MEASURE_UNITS] for one in (best, new)]
     better = all(after < before for before, after in zip(*means, strict=True))
     return better and not _why_not(predictions[0], predictions[new], machine)
 
@@ -100,7 +100,7 @@ def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
     """In what a record of the new design is worse than one of the old, by more than WORSE and what noise makes;
     empty where it stays (SI). Not to be asked of machines of different specifications."""
     found = []
-    for name, unit in UNITS.items():
+    for name, unit in MEASURE_UNITS.items():
         old, new = float(getattr(before, name)), float(getattr(after, name))
         never = name == "settling" and not before.never and after.never > 0  # however long its motions were watched
         if never or new > old * (1 + WORSE) + least(machine)[name]:

@@ -22,16 +22,16 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-STEP: Final = 0.5  # of the correction that a round takes
+CORRECTION_SHARE: Final = 0.5  # of the correction that a round takes
 WEIGHT: Final = 0.03  # of the largest |PS|, below which an error is rather left than inverted
 PASS: Final = 4.0  # crossover frequencies up to which it learns
 STEEP: Final = 4  # order of the low-pass
-ROUNDS: Final = 10
+ROUND_COUNT: Final = 10
 
 
 def learning_filter(machine: Machine, omega: Array) -> NDArray[np.complex128]:
     """From the error to the correction (m,) [N/m] at angular frequencies (m,) [rad/s]: of whichever of the two loops,
-    it takes the part STEP of an error that it inverts fully, and 0 of one that it would make larger."""
+    it takes the part CORRECTION_SHARE of an error that it inverts fully, and 0 of one that it would make larger."""
     ts = machine.sample_time
     feedback = controller_response(machine.control.feedback, ts, omega)
     springs = (machine.presliding.stiffness_1, 0.0)
@@ -41,8 +41,8 @@ def learning_filter(machine: Machine, omega: Array) -> NDArray[np.complex128]:
     inverse = np.sum(np.conj(reach), axis=0) / np.sum(size**2 + (WEIGHT * np.max(size)) ** 2, axis=0)
     crossing = omega[np.flatnonzero(np.any(np.abs(plants * feedback) >= 1, axis=0))]
     keeps = 1 / (1 + (omega / (PASS * float(crossing[-1]) if crossing.size else omega[-1])) ** (2 * STEEP))
-    shrinks = np.max(np.abs(1 - STEP * inverse * reach), axis=0) <= 1
-    return np.asarray(inverse * (STEP * keeps * shrinks), np.complex128)
+    shrinks = np.max(np.abs(1 - CORRECTION_SHARE * inverse * reach), axis=0) <= 1
+    return np.asarray(inverse * (CORRECTION_SHARE * keeps * shrinks), np.complex128)
 
 
 def corrected(record: Record, machine: Machine, limit: float) -> Array:

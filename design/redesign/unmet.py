@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.effect_compensation import left_out
-from design.judging.known_range import APART, excess
+from design.judging.known_range import SPEED_SAMPLES, excess
 from design.judging.sticking import named_modes, sticking
 from design.redesign.designs import Design
 from design.redesign.prediction import Prediction, predicted
@@ -23,7 +23,7 @@ from models.quantity import listed, show
 Array = NDArray[np.float64]
 
 NARROWED: Final = "a further record would narrow it"
-RUNS: Final = 5  # of each machine that lacks something, from other pasts of the friction
+RUNS_PER_MACHINE: Final = 5  # of each machine that lacks something, from other pasts of the friction
 
 
 def unmet(
@@ -84,7 +84,7 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int, l
 def _in_time(design: Design, machine: Machine, seed: int, left: Sequence[Array] = ()) -> bool:
     """Whether the machine itself, with nothing drawn but the past of its friction, settles in time; left: a force
     (n,) [N] that acts on it."""
-    found = predicted(design, [machine] * RUNS, seed, left)
+    found = predicted(design, [machine] * RUNS_PER_MACHINE, seed, left)
     return float(np.max(found.settling)) <= machine.specification.settling_time * (1 + 1e-9)
 
 
@@ -92,8 +92,8 @@ def _beyond(design: Design, machine: Machine) -> Sequence[str]:
     """What the design asks for beyond the records."""
     known = references(design.controller, sequence(machine, None, 1))
     force = float(np.max(np.abs(known.feedforward + known.compensation)))
-    moved = np.abs(known.position[APART:] - known.position[:-APART])
-    speed = float(np.max(moved, initial=0.0)) / (APART * machine.sample_time)
+    moved = np.abs(known.position[SPEED_SAMPLES:] - known.position[:-SPEED_SAMPLES])
+    speed = float(np.max(moved, initial=0.0)) / (SPEED_SAMPLES * machine.sample_time)
     return [
         f"its {one.what} of {show(one.needed, one.unit, 3)} is beyond the records, which cover "
         f"{show(one.covered, one.unit, 3)}: there the model is extrapolated"

@@ -24,8 +24,8 @@ from models.variation import Variation, varied_friction
 Array = NDArray[np.float64]
 
 LENGTHS: Final = (0.4, 2.5)  # `learn` searches the length between these shares of the nominal one.
-GRID: Final = 41  # lengths that are tried first
-EVALUATIONS: Final = GRID + 25  # lengths tried altogether, about
+GRID_LENGTHS: Final = 41  # lengths that are tried first
+EVALUATIONS: Final = GRID_LENGTHS + 25  # lengths tried altogether, about
 MIN_FORCE_RATIO: Final = 0.05  # It takes the force for no less than this share of the nominal one.
 
 
@@ -117,7 +117,7 @@ def learn(nominal: Friction, path: ArrayLike, rests: ArrayLike, hold: ArrayLike,
 def _best_length(missed: Callable[[float], float]) -> float:
     """The relative error of the length [1] with the least sum of squares: the best of a grid, then between its
     neighbours."""
-    grid = np.geomspace(*LENGTHS, GRID) - 1
+    grid = np.geomspace(*LENGTHS, GRID_LENGTHS) - 1
     best = int(np.argmin([missed(float(error)) for error in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
     return float(scipy.optimize.minimize_scalar(missed, bounds=around, method="bounded").x)

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.trajectory.compensator import GRID, LENGTHS, MIN_FORCE_RATIO, Learned, learn
+from design.trajectory.compensator import GRID_LENGTHS, LENGTHS, MIN_FORCE_RATIO, Learned, learn
 from design.trajectory.schemes import Scheme
 from design.validation import respond, sequence
 from design.wiping import carried_on, wipe, wipe_references
@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 
 REST: Final = 0.8  # of the specified settling time: the thrust that holds the table is averaged over so much of a
 # motion's end
-ROUNDS: Final = 2  # periods of the sequence to learn from, the second with what the first has told
+LEARNING_PERIODS: Final = 2  # periods of the sequence to learn from, the second with what the first has told
 MAX_RELATIVE_ERROR: Final = 0.5  # error of the mass, and of the dead time, that is believed at most [1]
-LOOK: Final = 2.0  # specified settling times behind the step over which a motion's error is looked at
+LOOK_SETTLING_TIMES: Final = 2.0  # specified settling times behind the step over which a motion's error is looked at
 RESTED: Final = 5  # specified settling times behind its step at which a drive takes the thrust of a motion's rest
 NOISE: Final = 1e-3  # of the stroke, by which the errors differ from their linear model
 # The relative error [1] of each that is likely, as a standard deviation; the forces are known from the wipe already.
@@ -57,8 +57,8 @@ class Taught:
 
 
 def motions_to_learn(nominal: Machine) -> int:
-    """The motions [-] after which all is learned: the two of the wipe, and those of ROUNDS periods."""
-    return 2 + ROUNDS * 2 * nominal.specification.motions
+    """The motions [-] after which all is learned: the two of the wipe, and those of LEARNING_PERIODS periods."""
+    return 2 + LEARNING_PERIODS * 2 * nominal.specification.motions
 
 
 def learned(
@@ -69,7 +69,8 @@ def learned(
     seed: int,
     starts: Sequence[Array] | None = None,
 ) -> list[Taught]:
-    """What the controller learns on each table from a wipe and ROUNDS periods of the sequence with strokes [m].
+    """What the controller learns on each table from a wipe and LEARNING_PERIODS periods of the sequence with strokes
+    [m].
 
     seed: of the scale's noise. starts: where each table's elements (N,) [m] stand before the wipe; default 0. The
     controller knows what it puts out itself and the scale's readings; nothing else of the table.
@@ -80,7 +81,7 @@ def learned(
     window = round(REST * nominal.specification.settling_time / nominal.sample_time)
     pupils = [_begun(scheme, path, rests, response, window) for response in responses]
     sensitivity = None if scheme.adapted is None else sensitivities(nominal, scheme, stroke)
-    for turn in range(ROUNDS):
+    for turn in range(LEARNING_PERIODS):
         responses = respond(
             machines,
             [one.scheme.controller for one in pupils],
@@ -102,7 +103,7 @@ def learned(
 def path_to_learn(nominal: Machine, scheme: Scheme, stroke: float) -> Array:
     """The elements' path (n,) [m] through the wipe and all motions over a stroke [m] that are learned from."""
     known, _ = wipe_references(nominal, wipe(nominal))
-    return np.append(known.position, np.tile(scheme.path(sequence(nominal, stroke, periods=1)), ROUNDS))
+    return np.append(known.position, np.tile(scheme.path(sequence(nominal, stroke, periods=1)), LEARNING_PERIODS))
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,10 @@ def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivit
     """
     exact = replace(nominal, scale=replace(nominal.scale, resolution=0.0, noise=0.0))
     target, causes = sequence(nominal, stroke, periods=2), _causes(nominal)
-    half, count = target.size // 2, round(LOOK * nominal.specification.settling_time / nominal.sample_time)
+    half, count = (
+        target.size // 2,
+        round(LOOK_SETTLING_TIMES * nominal.specification.settling_time / nominal.sample_time),
+    )
     given = scheme.references(scheme.known, target)
     machines = [exact, *(varied(exact, each) for each in causes)]
     faultless, *off = [
@@ -192,7 +196,7 @@ def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivit
 
 def length_candidates() -> Array:
     """The presliding lengths (K,) [1], over the nominal one, that a drive tries; the nominal one is among them."""
-    lengths = np.geomspace(*LENGTHS, GRID)
+    lengths = np.geomspace(*LENGTHS, GRID_LENGTHS)
     lengths[int(np.argmin(np.abs(lengths - 1)))] = 1.0
     return lengths
 
@@ -230,7 +234,7 @@ def learning_to_json(known: Sensitivity, nominal: Machine, scheme: Scheme, strok
     wanted, (per_second, per_square) = nominal.specification, position_by_dead_time(nominal, scheme, stroke)
     return {
         "motions": motions_to_learn(nominal),
-        "rounds": ROUNDS,
+        "rounds": LEARNING_PERIODS,
         "motions_per_round": 2 * nominal.specification.motions,
         "rest_s": min(wanted.interval - nominal.sample_time, RESTED * wanted.settling_time),
         "hold_s": REST * nominal.specification.settling_time,

@@ -24,7 +24,7 @@ from models.variation import Variation, at_mode, varied_friction, varied_plant
 
 Array = NDArray[np.float64]
 
-QUICK: Final = 10  # samples. A speed is measured in strokes per so many, which only scales the program.
+SPEED_SAMPLES: Final = 10  # samples. A speed is measured in strokes per so many, which only scales the program.
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def follow_loop(
     stiffness, limit = np.array(scenario.friction.stiffness), np.array(scenario.friction.limit)
     unit, modes = float(stiffness @ limit), loop.phi.shape[0]
     start = program.parameter(f"start_{name}", limit.size)
-    units = np.tile([stroke, stroke / (QUICK * feedback.sample_time)], modes // 2)
+    units = np.tile([stroke, stroke / (SPEED_SAMPLES * feedback.sample_time)], modes // 2)
     state = ca.reshape(program.variable(f"state_of_{name}", np.tile(units, n)), modes, n)  # at each interval's end
     position = program.variable(f"position_of_{name}", np.full(n, stroke))  # from sample 1 on
     pid = program.variable(f"pid_of_{name}", np.full(n, unit))

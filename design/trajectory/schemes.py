@@ -32,12 +32,14 @@ from models.simulation.simulator import simulate
 
 Array = NDArray[np.float64]
 
-ROUNDS: Final = 2  # Design and simulation alternate so often: the histories follow from the design, and change little.
+# Design and simulation alternate so often: the histories follow from the design, and change little.
+DESIGN_ROUNDS: Final = 2
 # Of the settling time: for so long after the motion the error counts in "sensitivity", until the feedback meets it.
 LOOK: Final = 0.6
 LOOK_ROBUST: Final = 1.2  # A robust trajectory leaves more to the feedback, which takes longer.
 MAX_EXTRA_SAMPLES: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
-COARSE: Final = (0.3, 0.1)  # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
+# Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
+COARSE_SMOOTHING: Final = (0.3, 0.1)
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def aware(machine: Machine, wanted: Wanted, task: Task) -> tuple[Built, Trajecto
     """The history-aware trajectory of a task without scenarios, at the histories that it brings about itself."""
     built, found = build(task), None
     states = np.repeat(slip_states(machine)[:1], task.histories, axis=0)
-    for _ in range(ROUNDS + 1):
+    for _ in range(DESIGN_ROUNDS + 1):
         found = solve(built, states, wanted.limits, start=found)
         if not found.solution.converged:
             found = solve(built, states, wanted.limits)
@@ -189,7 +191,7 @@ def least_sensitive(
         for one in scenarios
     ]
     built = build(task)
-    found = solve(built, states, wanted.limits, ratios=COARSE, others=others, net=begin.net)
+    found = solve(built, states, wanted.limits, ratios=COARSE_SMOOTHING, others=others, net=begin.net)
     return built, found, scenarios
 
 
@@ -200,8 +202,8 @@ def robust_trajectory(
     objective: RobustObjective,
     *,
     seen: int = 4,
-    ratios: Sequence[float] = COARSE,
-    rounds: int = ROUNDS,
+    ratios: Sequence[float] = COARSE_SMOOTHING,
+    rounds: int = DESIGN_ROUNDS,
 ) -> RobustTrajectory:
     """One trajectory and one thrust for the outermost histories that it brings about itself, and so for all.
 

@@ -34,7 +34,7 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 NOTHING: Final = 1e-3  # distance below which an effect shows at no size
-ROOM: Final = 1.5  # factor by which a size may exceed its prior range
+PRIOR_ROOM_FACTOR: Final = 1.5  # factor by which a size may exceed its prior range
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def _squared_distance(found: Columns, at: int, sign: float, point: tuple[Effect,
     effect, where = point
     gram, onto = found.product[np.ix_(where, where)], sign * found.product[where, at]
     size = _size(type(effect), found.priors)
-    most = ROOM * size.high / getattr(effect, size.name)
+    most = PRIOR_ROOM_FACTOR * size.high / getattr(effect, size.name)
     best = np.linalg.solve(gram + 1e-9 * (np.trace(gram) + 1e-12) * np.eye(len(where)), onto)
     if len(where) == 1:
         best = np.clip(best, -most if size.low < 0 else 0.0, most)

@@ -23,7 +23,7 @@ from models.controller import References
 from models.machine import Machine
 from models.plant import frequency_response
 
-NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
+FILE_NAMES: Final = ("slow_loops.csv", "sweep_low.csv", "sweep_high.csv", "strokes.csv", "suite.csv")
 # Of friction: the largest inertial force of slow loops, so that they show friction alone.
 MAX_SLOW_INERTIA_SHARE: Final = 0.01
 WIDE: Final = (2.5, 0.6)  # presliding distances: amplitudes of slow loops, and of the inner ones

@@ -31,7 +31,7 @@ PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distan
 SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by default: other records are beside the suite
 RAMP: Final = 0.2  # periods of the lowest frequency in which a multisine begins, and in which it ends
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
-SHORTEST: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
+SHORTEST_RESTS: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
 UNHURRIED_THRUST_SHARE: Final = 0.6  # of the rated thrust, for what need not be fast
 HALF_WAY: Final = 0.45  # of the stated travel, over which what depends on the place is looked at, at the least
 AT_TOP_SPEED: Final = 3.0  # s that such a stroke takes at the rated speed, at the most
@@ -315,7 +315,7 @@ def suite(machine: Machine, most: int | None = None) -> Schedule:
         parts = _parts(machine, share, once=True)
         if _samples(parts) <= most:
             return together("suite", parts)
-    found = [_shortest(_parts(machine, share, once=True), most) for share in SHORTEST]
+    found = [_shortest(_parts(machine, share, once=True), most) for share in SHORTEST_RESTS]
     return together("suite", next((parts for parts in found if len(parts) > 1), found[-1]))
 
 

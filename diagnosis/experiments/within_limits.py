@@ -22,7 +22,7 @@ SPEEDS: Final = (0.01, 0.05, 0.2, 0.6)  # of the highest speed
 LASTS: Final = 0.4  # s at each of these speeds
 BRIEF: Final = (2.4, 4.8, 10, 20)  # pauses
 SHARES: Final = (0.25, 0.5, 0.75)  # of the largest force
-ROUNDING: Final = 1e-9  # of a speed: that of differences
+SPEED_ROUNDING: Final = 1e-9  # of a speed: that of differences
 TURN: Final = 0.9  # of the travel, force and speed that are used
 
 
@@ -40,7 +40,7 @@ class Bounds:
         way = np.abs(np.diff(given.position, prepend=0.0))
         return bool(
             max(np.abs(given.position).max(), np.abs(planned.target).max()) <= self.distance
-            and way.max() <= self.speed * sample_time * (1 + ROUNDING)
+            and way.max() <= self.speed * sample_time * (1 + SPEED_ROUNDING)
             and np.abs(given.feedforward + given.compensation).max() <= self.force
         )
 

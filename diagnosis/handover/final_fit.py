@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 ITERATIONS: Final = 8
 STILL: Final = 1e-5  # walk a sample over the white force: it gains a tenth of it in 100,000 samples
 AT_BOUND_ROOM_SHARE: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
-ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
-ROOM: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
+WIDENING_ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
+WIDENING_FACTOR: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
 # Of the commands' deviation: of the white force, where a model explains all but rounding.
 MIN_WHITE_FORCE_SHARE: Final = 1e-4
 
@@ -71,7 +71,7 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
     """A fit of the search, fitted again for the file, where needed with more room."""
     fitted = still_fit(given.candidate, records, given.paths, iterations)
     widened = list[AtBound]()
-    for _ in range(ROUNDS):
+    for _ in range(WIDENING_ROUNDS):
         new = [one for one in at_bounds(fitted.candidate) if one.place not in {before.place for before in widened}]
         if not new:
             break
@@ -104,7 +104,7 @@ def freed(
     """A fit without effects but the file's, fitted again under its own weights with more room for those values that
     stand at their bounds, by default the plant's, and once more while one runs on."""
     fitted = given
-    for _ in range(ROUNDS):
+    for _ in range(WIDENING_ROUNDS):
         hit = hit_by(fitted.candidate)
         if not hit:
             break
@@ -150,17 +150,17 @@ def _hit(layout: Parameters, theta: Array) -> list[int]:
 
 
 def with_more_room(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
-    """The candidate with ROOM times the room for the values at their bounds."""
+    """The candidate with WIDENING_FACTOR times the room for the values at their bounds."""
     layout = candidate.layout
     low, high, ranges = layout.low.copy(), layout.high.copy(), dict(layout.machine.priors)
     for one in hit:
         if one.part == "nominal":
-            low[one.number], high[one.number] = ROOM * low[one.number], ROOM * high[one.number]
+            low[one.number], high[one.number] = WIDENING_FACTOR * low[one.number], WIDENING_FACTOR * high[one.number]
             continue
         kind = type(candidate.effects[one.number])
         (item,) = (item for item in parameters_of(kind, layout.machine.priors) if item.name == one.name)
         ends = (item.low, item.high) if item.stated else item.widest
-        ranges[one.part, one.name] = (ends[0] / ROOM, ends[1] * ROOM)
+        ranges[one.part, one.name] = (ends[0] / WIDENING_FACTOR, ends[1] * WIDENING_FACTOR)
     dead = layout.of("dead_time")
     low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
     mode = layout.of("mode_frequency")

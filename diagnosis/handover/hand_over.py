@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 ADOPTED: Final = (Outcome.ATTRIBUTED, Outcome.AMBIGUOUS)  # outcomes whose effects may go into the machine
 STAGE_ITERATIONS: Final = 4  # iterations of the fits of stages between the first and the last
 FORMULA: Final = "(refitted^2 - after^2 + random^2) / (refitted^2 - floor^2)"
-UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
+MEASURE_UNITS: Final = {"force": "N", "position": "m", "settling": "s"}
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Terms:
             "floor": self.floor,
             "random": self.random,
             "measure": self.measure,
-            "unit": UNITS[self.measure],
+            "unit": MEASURE_UNITS[self.measure],
             "formula": FORMULA,
         }
 
@@ -153,7 +153,7 @@ def _harm(harm: Harm) -> dict[str, Any]:
     return {
         "file": harm.file,
         "measure": harm.measure,
-        "unit": UNITS[harm.measure],
+        "unit": MEASURE_UNITS[harm.measure],
         "than": harm.than,
         "before": harm.before,
         "after": harm.after,

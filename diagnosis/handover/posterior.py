@@ -35,7 +35,8 @@ from models.machines.normal_within import normal_within
 Array = NDArray[np.float64]
 
 SMALLEST: Final = 0.05  # of a value: the least that is drawn
-STEP: Final = 1e-3  # deviations, of a difference: a longer one has the curvature of logarithms, which spoils sums
+# Deviations, of a difference: a longer one has the curvature of logarithms, which spoils sums.
+DIFFERENCE_STDS: Final = 1e-3
 MIN_EIGENVALUE_RATIO: Final = 1e-12  # of the largest eigenvalue of a covariance: what is below is rounding
 
 
@@ -94,7 +95,11 @@ def _slopes_of_values(candidate: Candidate, wide: Array) -> dict[str, Array]:
     layout, here = candidate.layout, _values(candidate)
     slopes = {name: np.zeros((number.size, wide.size)) for name, number in here.items()}
     for place in np.flatnonzero((np.array(layout.names) != "initial_friction_state") & (layout.deviation > 0)):
-        step = STEP * wide[place] * (-1.0 if candidate.theta[place] + STEP * wide[place] > layout.high[place] else 1.0)
+        step = (
+            DIFFERENCE_STDS
+            * wide[place]
+            * (-1.0 if candidate.theta[place] + DIFFERENCE_STDS * wide[place] > layout.high[place] else 1.0)
+        )
         theta = candidate.theta + step * (np.arange(layout.count) == place)
         for name, number in _values(replace(candidate, theta=theta)).items():
             slopes[name][:, place] = (number - here[name]) / step

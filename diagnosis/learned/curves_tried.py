@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 KNOTS: Final = 12
-FINE: Final = 36  # knots over position, where a law may be narrow, and over time
+FINE_KNOTS: Final = 36  # knots over position, where a law may be narrow, and over time
 REFINED_COORDINATES: Final = ("position",)  # coordinates over which knots are closer where the force bends
 WAY_PARTS: Final = 10  # parts of the way, of which those that bend most make half of all bending where a law is narrow
 BINS_PER_KNOT: Final = 4  # to a knot, in which the force is averaged for that
@@ -159,7 +159,7 @@ def coordinate_values(coordinate: str, fitted: Fit, records: Sequence[Record], k
 def _knots(coordinate: str, symmetry: str, values: Array, known: Units) -> list[float]:
     """Knots over the values of a coordinate (n,) [SI]; those of an odd law begin at 0."""
     low, high = (0.0 if symmetry == "odd" else float(values.min())), float(values.max())
-    count = FINE if coordinate in {"time", "position"} else KNOTS * (1 + (coordinate in SIGNED and low < 0))
+    count = FINE_KNOTS if coordinate in {"time", "position"} else KNOTS * (1 + (coordinate in SIGNED and low < 0))
     slow, _ = slow_and_turn(known)
     size = {
         "speed": slow,

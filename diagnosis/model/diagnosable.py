@@ -28,7 +28,8 @@ from models.records.plausible import doubts
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
-APART: Final = 1.0  # loop times from one sample of a log to the next, at most: what happens within is smooth
+# Loop times from one sample of a log to the next, at most: what happens within is smooth.
+MAX_SAMPLE_LOOP_TIMES: Final = 1.0
 
 
 def with_all_samples(machine: Machine, record: Record) -> Record:
@@ -39,7 +40,7 @@ def with_all_samples(machine: Machine, record: Record) -> Record:
     if every < 2 or abs(record.sample_time / (every * machine.sample_time) - 1) > SAME_TIME:
         check_sample_time(record, machine.sample_time)
         return record
-    most = APART * loop_time(machine)
+    most = MAX_SAMPLE_LOOP_TIMES * loop_time(machine)
     if record.sample_time > most:
         raise RecordError(
             f"has a sample every {show(record.sample_time, 's')}, one of {every} of the machine's controller; these "

@@ -37,7 +37,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-ROOM: Final = 1.5  # A fit may move a shape, period or width by this factor beyond its prior range.
+PRIOR_ROOM_FACTOR: Final = 1.5  # A fit may move a shape, period or width by this factor beyond its prior range.
 # A width may fall by this factor below its prior range: that is a small effect and no other law.
 WIDTH_RANGE_FACTOR: Final = 20.0
 STRIDE: Final = 0.7  # The largest change of the logarithm of a shape, period or width in one step.
@@ -156,7 +156,9 @@ def bounds_of(item: Parameter) -> tuple[float, float]:
     """The least and the greatest value [SI] that a fit may give to a shape, a period or a width."""
     low, high = item.widest
     is_sampled = item.is_resonance and bool(item.sought)  # it ends where the samples do
-    return low / (WIDTH_RANGE_FACTOR if item.role == "width" else ROOM), high * (1.0 if is_sampled else ROOM)
+    return low / (WIDTH_RANGE_FACTOR if item.role == "width" else PRIOR_ROOM_FACTOR), high * (
+        1.0 if is_sampled else PRIOR_ROOM_FACTOR
+    )
 
 
 def prior_std(effect: Effect, priors: Priors) -> Array:

@@ -41,7 +41,7 @@ from models.plant import Plant, matrices
 Array = NDArray[np.float64]
 
 SUBSTEPS: Final = 2  # of a sample interval, the force of which is a straight line through their middles
-BLOCK: Final = 8  # samples that `responses` filters at once
+BLOCK_SAMPLES: Final = 8  # samples that `responses` filters at once
 STARTING: Final = 60  # samples at the start of a record in which the state settles; they do not count
 FORGOTTEN: Final = 1e-4  # of a wrong start, below which it is not felt any more
 MAX_START_SAMPLES: Final = 200_000  # samples for which a wrong start is followed
@@ -226,23 +226,23 @@ def responses(model: Predictor, force: Array, reading: Array | None = None) -> A
     """Change (n, k) [1] of the whitened innovations by k forces (k, n, M) [N] added to the net force, and by k
     additions (k, n) [m] to the reading; a column's samples are contiguous.
 
-    Filtered in blocks of BLOCK samples: the effect of a block's inputs within the block is one matrix product over all
-    blocks of several columns, so that the recursion runs only over the states at the head of each block.
+    Filtered in blocks of BLOCK_SAMPLES samples: the effect of a block's inputs within the block is one matrix product
+    over all blocks of several columns, so that the recursion runs only over the states at the head of each block.
     """
     count, n, parts = force.shape
-    blocks, size = -(-n // BLOCK), model.C.size
+    blocks, size = -(-n // BLOCK_SAMPLES), model.C.size
     within, kept, onto, behind = _block(model, model.B)
     own, _, more, _ = _block(model, (model.A @ model.gain)[:, None])
-    e, heads = np.empty((count, blocks * BLOCK)), np.empty((TOGETHER, blocks, size))
+    e, heads = np.empty((count, blocks * BLOCK_SAMPLES)), np.empty((TOGETHER, blocks, size))
     for first in range(0, count, TOGETHER):
         some = slice(first, first + TOGETHER)
-        out = e[some].reshape(-1, BLOCK)
-        given = _blocked(force[some].reshape(-1, n * parts), blocks, BLOCK * parts)
+        out = e[some].reshape(-1, BLOCK_SAMPLES)
+        given = _blocked(force[some].reshape(-1, n * parts), blocks, BLOCK_SAMPLES * parts)
         np.matmul(given, within.T / model.deviation, out=out)
         entering = given @ onto.T
         if reading is not None:
-            given = _blocked(np.asarray(reading[some]), blocks, BLOCK)
-            out += given @ ((own + np.eye(BLOCK)).T / model.deviation)
+            given = _blocked(np.asarray(reading[some]), blocks, BLOCK_SAMPLES)
+            out += given @ ((own + np.eye(BLOCK_SAMPLES)).T / model.deviation)
             entering += given @ more.T
         of_these = heads[: len(out) // blocks]
         _heads(behind, entering.reshape(of_these.shape), of_these)
@@ -256,21 +256,22 @@ def changes(model: Predictor, force: Array, reading: Array | None = None) -> Arr
 
 
 def _block(model: Predictor, entry: Array) -> tuple[Array, Array, Array, Array]:
-    """Matrices of a block of BLOCK samples for m inputs per sample that enter the state by `entry` (S, m).
+    """Matrices of a block of BLOCK_SAMPLES samples for m inputs per sample that enter the state by `entry` (S, m).
 
-    From the inputs to the block's innovations (BLOCK, BLOCK m), from the state at its head to its innovations
-    (BLOCK, S), from the inputs to the state behind it (S, BLOCK m), from the state at its head to that state (S, S).
+    From the inputs to the block's innovations (BLOCK_SAMPLES, BLOCK_SAMPLES m), from the state at its head to its
+    innovations (BLOCK_SAMPLES, S), from the inputs to the state behind it (S, BLOCK_SAMPLES m), from the state at its
+    head to that state (S, S).
     """
     parts, closed = entry.shape[1], model.closed
-    within, kept = np.zeros((BLOCK, BLOCK * parts)), np.empty((BLOCK, model.C.size))
-    onto, power = np.empty((model.C.size, BLOCK * parts)), np.eye(model.C.size)
-    for k in range(BLOCK):
+    within, kept = np.zeros((BLOCK_SAMPLES, BLOCK_SAMPLES * parts)), np.empty((BLOCK_SAMPLES, model.C.size))
+    onto, power = np.empty((model.C.size, BLOCK_SAMPLES * parts)), np.eye(model.C.size)
+    for k in range(BLOCK_SAMPLES):
         kept[k] = -model.C @ power
         power = closed @ power
     reached = entry
-    for j in range(BLOCK):  # j samples after the input
-        onto[:, (BLOCK - 1 - j) * parts : (BLOCK - j) * parts] = reached
-        for k in range(j + 1, BLOCK):
+    for j in range(BLOCK_SAMPLES):  # j samples after the input
+        onto[:, (BLOCK_SAMPLES - 1 - j) * parts : (BLOCK_SAMPLES - j) * parts] = reached
+        for k in range(j + 1, BLOCK_SAMPLES):
             within[k, (k - j - 1) * parts : (k - j) * parts] = -model.C @ reached
         reached = closed @ reached
     return within, kept, onto, power

@@ -24,9 +24,9 @@ Integers = NDArray[np.int64]
 
 # Loop times: long motions are cut into pieces of about this, so that none outweighs the others.
 PIECE_LOOP_TIMES: Final = 415.0
-SHORTEST: Final = 5.5  # loop times: shorter motions are joined to the one before
+MIN_MOTION_LOOP_TIMES: Final = 5.5  # loop times: shorter motions are joined to the one before
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
-SAME: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
+SAME_REFERENCE_STDS: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
 HALF_DECADE: Final = 10**0.5  # sizes of motions that this factor spans are of one kind
 SAME_FORCE: Final = 1e-3  # tolerance between their feedforward, relative to its largest value
 
@@ -79,7 +79,9 @@ def pieces(records: Sequence[Record], loop: float = REFERENCE.loop) -> tuple[Pie
         ends = [motion.start for motion in cut(record)]
         ends = sorted({0, *ends, record.position.size})
         ends = [
-            end for i, end in enumerate(ends) if i == 0 or end - ends[i - 1] > SHORTEST * loop / ts or end == ends[-1]
+            end
+            for i, end in enumerate(ends)
+            if i == 0 or end - ends[i - 1] > MIN_MOTION_LOOP_TIMES * loop / ts or end == ends[-1]
         ]
         for start, stop in pairwise(ends):
             parts = max(1, round((stop - start) * ts / (PIECE_LOOP_TIMES * loop)))
@@ -128,7 +130,7 @@ def repeated(
 
     reading [m]: deviation of the scale's reading, as no two references need to be nearer to each other.
     """
-    same = SAME * reading
+    same = SAME_REFERENCE_STDS * reading
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, piece in enumerate(pieces):
         if not piece.kind.rests:

@@ -45,9 +45,9 @@ Array = NDArray[np.float64]
 
 # Walks of the unknown force are in the machine's usual white force (`units.white_force`) a sample.
 WALK: Final = 0.025  # in the predictor: a fast one swallows slow effects
-FIRST: Final = 0.18  # of the friction: in the smoother's first pass, which knows no friction
+FIRST_WALK_FRICTION_SHARE: Final = 0.18  # of the friction: in the smoother's first pass, which knows no friction
 PASSES: Final = 5  # of the smoother, until friction is known
-AGAIN: Final = 0.625  # in the smoother once friction is known
+SMOOTHER_WALK: Final = 0.625  # in the smoother once friction is known
 PROBE: Final = 2e-3  # of a sample: by which the dead time is changed for a derivative
 INSIDE: Final = 0.998  # of its limit, within which an element is when slopes by its start are taken
 
@@ -108,7 +108,7 @@ class Candidate:
             noise=noise(machine),
             white_force=usual * self.roughness_of(record),
             random_forces=self.random_forces,
-            starting_walk=AGAIN * usual,
+            starting_walk=SMOOTHER_WALK * usual,
         )
 
 
@@ -142,8 +142,8 @@ def unweighted_predictor(candidate: Candidate, sample_time: float, walk: float) 
 
 def _walks(machine: Machine) -> tuple[float, ...]:
     """Of the smoother, pass by pass, from no knowledge of friction [usual white forces a sample]."""
-    first = FIRST * friction_force(machine) / white_force(machine)
-    return tuple(np.geomspace(max(first, AGAIN), AGAIN, PASSES).tolist())
+    first = FIRST_WALK_FRICTION_SHARE * friction_force(machine) / white_force(machine)
+    return tuple(np.geomspace(max(first, SMOOTHER_WALK), SMOOTHER_WALK, PASSES).tolist())
 
 
 def initial_command(record: Record) -> float:
@@ -158,7 +158,7 @@ def smooth(
     machine = candidate.machine
 
     def path(i: int, record: Record, smoothed_path: SmoothedPath | None) -> SmoothedPath:
-        for walk in (AGAIN,) if before else _walks(candidate.nominal):
+        for walk in (SMOOTHER_WALK,) if before else _walks(candidate.nominal):
             smoothed_path = _pass(
                 candidate, machine, candidate.predictor(record.sample_time, walk, i), record, i, smoothed_path
             )

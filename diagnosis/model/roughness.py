@@ -29,8 +29,8 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 BAND: Final = (1.0, 4.0)  # in units of the frequency to which the loop controls the table
-WITHIN: Final = (0.2, 0.8)  # of half the sampling rate, where that band is beyond it
-BLOCK: Final = 24.0  # loop times of a spectrum: its lines are much narrower than the band
+NYQUIST_BAND: Final = (0.2, 0.8)  # of half the sampling rate, where that band is beyond it
+BLOCK_LOOP_TIMES: Final = 24.0  # loop times of a spectrum: its lines are much narrower than the band
 MIN_BLOCK_SAMPLES: Final = 32  # samples of such a block at least
 MOVING: Final = 10  # blocks with motion from which on those at rest do not count
 
@@ -61,8 +61,8 @@ def steady_variance(innovations: Array, record: Record, loop: float) -> float:
     median over short blocks and over the frequencies, as a law leaves lines; nan of a record that is too short to tell.
     loop [s]: `units.loop_time`."""
     half = 0.5 / record.sample_time
-    low, high = (np.array(BAND) / (2 * np.pi * loop)).clip(max=np.array(WITHIN) * half)
-    length = max(round(BLOCK * loop / record.sample_time), MIN_BLOCK_SAMPLES)
+    low, high = (np.array(BAND) / (2 * np.pi * loop)).clip(max=np.array(NYQUIST_BAND) * half)
+    length = max(round(BLOCK_LOOP_TIMES * loop / record.sample_time), MIN_BLOCK_SAMPLES)
     e, course = innovations[STARTING:], record.reference[STARTING:]
     count = e.size // length
     if count < 2:

@@ -32,12 +32,12 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-POINTS: Final = (9, 33)  # initial displacements of an element that are computed, from limit to limit
+START_POINTS: Final = (9, 33)  # initial displacements of an element that are computed, from limit to limit
 COLUMNS: Final = 270  # responses that are computed at most where more points than the fewest are wanted
-FINE: Final = 1e-3  # of the friction: the white force that the reading's noise makes of it
+FINE_FORCE_SHARE: Final = 1e-3  # of the friction: the white force that the reading's noise makes of it
 REVERSALS: Final = 4  # reversals before the record that the elements may still remember
 REFINED: Final = 8  # combinations that are refined, the best ones
-ROUNDS: Final = 20  # passes through all pairs of slopes at most
+MAX_PASSES: Final = 20  # passes through all pairs of slopes at most
 SLOPES: Final = np.linspace(-1, 1, 9)  # slopes that are tried between one limit and the next
 COARSEST, FINEST = 0.125, 2e-3  # steps by which a slope is moved in the end
 TAIL: Final = 1000  # samples after the last slip that still count
@@ -98,7 +98,7 @@ def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
 
 def fine(machine: Machine) -> bool:
     """Whether the scale resolves the friction finely."""
-    return white_force(machine) < FINE * friction_force(machine)
+    return white_force(machine) < FINE_FORCE_SHARE * friction_force(machine)
 
 
 def _points(machine: Machine) -> int:
@@ -106,7 +106,7 @@ def _points(machine: Machine) -> int:
     earlier or later than the interpolation has it; a fine scale sees that. Two contacts may change places with a third
     whose stiffness is their sum: with 9 points the search mistook them on a drawn machine (2,550 of chi-square, an
     innovation of 10 deviations), with 17 it did not."""
-    fewest, most = POINTS
+    fewest, most = START_POINTS
     return int(np.clip(COLUMNS // len(machine.friction.limit), fewest, most)) if fine(machine) else fewest
 
 
@@ -262,7 +262,7 @@ def _refine(slopes: Array, problem: StartCost) -> float:
     """Improves two slopes (N,) at a time, in place, until no pair gains; the cost."""
     places = Places(np.empty(slopes.size, np.int64), np.empty(slopes.size))
     cost = _cost_from(0, slopes, Fixed(0.0, problem.slope), problem, places)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_PASSES):
         before, below, fixed = cost, 0.0, Fixed(0.0, problem.slope.copy())
         for i in range(slopes.size):
             cost = _refine_with(i, slopes, cost, below, fixed, problem, places)

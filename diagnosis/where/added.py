@@ -27,7 +27,7 @@ MAX_LEFT_SHARE: Final = 0.1
 COPY: Final = 0.99  # correlation with the command from which on a column is the command in another unit
 OMITTED: Final = 0.01  # gain of a feedforward below which it does not act
 MIN_DEPARTURE_SHARE: Final = 0.02  # part of a column's range by which it departs from what it mostly is
-SHORTEST: Final = 10  # samples of one level that count as a pulse, or as what is between two
+MIN_LEVEL_SAMPLES: Final = 10  # samples of one level that count as a pulse, or as what is between two
 MIN_LEVELS_SHARE: Final = 0.95  # of the samples that such levels have to cover, the others being edges
 AS_GOOD: Final = 1.05  # times what pulses leave, up to which a column that the file has is preferred
 
@@ -84,7 +84,7 @@ class Added:
         (start, stop), count = self.stretches[0], len(self.stretches)
         if count == 1:
             return f"from {show(start * sample_time, 's')} to {show(stop * sample_time, 's')}"
-        if stop - start < SHORTEST:
+        if stop - start < MIN_LEVEL_SAMPLES:
             return f"between {show(start * sample_time, 's')} and {show(self.stretches[-1][1] * sample_time, 's')}"
         return (
             f"in {count} stretches, the first from {show(start * sample_time, 's')} to {show(stop * sample_time, 's')}"
@@ -179,7 +179,7 @@ def _pulses(difference: Array, begin: int, noise: float) -> Added | None:
     n = difference.size
     cuts = np.flatnonzero(np.abs(np.diff(difference[begin:])) > jump) + begin + 1
     edges = [begin, *cuts.tolist(), n]
-    levels = [(a, b) for a, b in pairwise(edges) if b - a >= SHORTEST]
+    levels = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_LEVEL_SAMPLES]
     covered = sum(b - a for a, b in levels)
     if cuts.size == 0 or covered < MIN_LEVELS_SHARE * (n - begin):
         return None

@@ -27,9 +27,9 @@ PHASES: Final = ("start", "accelerate", "cruise", "decelerate", "settle", "dwell
 BEGINNING: Final = 0.1  # fraction of a motion that is its start
 # Fraction of a motion's largest acceleration below which its speed counts as constant.
 MAX_STEADY_ACCELERATION_SHARE: Final = 0.05
-LOOK: Final = 2.8  # loop times: the reference moves where it changes within them by more than STEADY
+LOOK_LOOP_TIMES: Final = 2.8  # loop times: the reference moves where it changes within them by more than STEADY
 STEADY: Final = 0.5  # deviations of the reading
-DRAWS: Final = 400  # bootstrap samples
+BOOTSTRAP_DRAWS: Final = 400  # bootstrap samples
 INTERVAL: Final = (0.025, 0.975)
 # Bands and wavelengths are round numbers for a reader; nothing is decided by them.
 DECADES: Final = 4  # edges between wavelengths: powers of ten, the longest of which fits into the way once at least
@@ -107,13 +107,13 @@ def _phases(record: Record, settling: float, units: Units) -> tuple[Integers, Ar
     ts, course, n = record.sample_time, record.reference, record.position.size
     if np.ptp(course) == 0:
         course = record.position
-    wide = max(round(LOOK * units.loop / ts / 2), 1)
+    wide = max(round(LOOK_LOOP_TIMES * units.loop / ts / 2), 1)
     padded = np.pad(course, wide, mode="edge")
     gone = padded[2 * wide :] - padded[: -2 * wide]
     moves = np.abs(gone) > max(STEADY * units.reading, _steps(record, course))
     phase, speed = np.full(n, PHASES.index("dwell")), np.gradient(course, ts)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
-    for first, last in edges.reshape(-1, 2):  # LOOK widens a motion at both ends
+    for first, last in edges.reshape(-1, 2):  # LOOK_LOOP_TIMES widens a motion at both ends
         start, stop = (int(first) + wide if first > 0 else 0), (int(last) - wide if last < n else n)
         if stop - start < 3:
             continue
@@ -146,13 +146,13 @@ def centred(signal: Array, samples: Samples) -> Array:
 
 
 def bootstrap_counts(motions: int, seed: int) -> Array:
-    """How often each motion is drawn in each bootstrap sample: (DRAWS, motions) [1]."""
+    """How often each motion is drawn in each bootstrap sample: (BOOTSTRAP_DRAWS, motions) [1]."""
     generator = np.random.default_rng(seed)
-    return generator.multinomial(motions, np.full(motions, 1 / motions), DRAWS).astype(float)
+    return generator.multinomial(motions, np.full(motions, 1 / motions), BOOTSTRAP_DRAWS).astype(float)
 
 
 def bootstrap_interval(values: Array) -> tuple[float, float]:
-    """The 95 % interval of bootstrapped values (DRAWS,), in their unit [1]."""
+    """The 95 % interval of bootstrapped values (BOOTSTRAP_DRAWS,), in their unit [1]."""
     low, high = np.quantile(values, INTERVAL)
     return float(low), float(high)
 

@@ -29,7 +29,7 @@ from diagnosis.model.kalman import (
     smoother_gain,
 )
 from diagnosis.model.motions import Piece, repeated, rms, scatter
-from diagnosis.model.residual import AGAIN, Candidate, modal, unweighted_predictor
+from diagnosis.model.residual import SMOOTHER_WALK, Candidate, modal, unweighted_predictor
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.units import noise
 from diagnosis.where.energy import Samples, centred
@@ -198,7 +198,7 @@ def noise_deviation(candidate: Candidate, sample_time: float, force: Force) -> f
     """Standard deviation [N] of d where the model is complete: from the scale's noise directly, and from the error that
     it leaves in the position at which the friction is evaluated, with all contacts sticking."""
     machine = candidate.machine
-    position = noise(machine) * np.linalg.norm(smoother_response(candidate, sample_time, AGAIN)[1])
+    position = noise(machine) * np.linalg.norm(smoother_response(candidate, sample_time, SMOOTHER_WALK)[1])
     return float(np.hypot(force.noise, sum(machine.friction.stiffness) * position))
 
 

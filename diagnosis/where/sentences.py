@@ -19,7 +19,7 @@ from diagnosis.where.side import Side, force_or_reading
 from models.quantity import show, span
 
 SLOW_CLOCK: Final = 0.5  # weight of the time since the record began, which correlates with whatever changes slowly
-COORDINATES: Final = {
+COORDINATE_WORDS: Final = {
     "time": "The time since the record began",
     "time_in_motion": "The time since the motion began",
     "dwell": "The duration of the rest before the motion",
@@ -273,7 +273,7 @@ def _explains(one: Explained, longest: float) -> str:
         of_it = "its change" if one.name == "command" else "motion"
         turns = f", with a sign that follows the direction of {of_it}"
     return (
-        f"{COORDINATES[one.name]}{modulo} explains {percent(one.share)} ({_interval(one.low, one.high)}) of its "
+        f"{COORDINATE_WORDS[one.name]}{modulo} explains {percent(one.share)} ({_interval(one.low, one.high)}) of its "
         f"variance on held-out motions{turns} (p = {one.p:.2g})."
     )
 
@@ -324,5 +324,5 @@ def _over(side: Side) -> str:
 
 def words(name: str) -> str:
     """A coordinate's name within a sentence; SI."""
-    text = COORDINATES[name]
+    text = COORDINATE_WORDS[name]
     return text[0].lower() + text[1:]

@@ -23,9 +23,9 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-POINTS: Final = 600  # points of the force over a whole record
+COURSE_POINTS: Final = 600  # points of the force over a whole record
 COURSE: Final = 300  # points of the force over one motion
-LINES: Final = 80  # lines of a spectrum
+SPECTRUM_LINES: Final = 80  # lines of a spectrum
 STRETCHES: Final = 20  # of time in which a signal was added, that are kept
 COURSES: Final = 3  # kinds of motion whose force is kept
 
@@ -178,7 +178,7 @@ def pictures(where: Where, candidate: Candidate, records: Sequence[Record], piec
 
 def _over_time(where: Where, record: Record, index: int) -> dict[str, Any]:
     """Mean of the slow force over equal spans of one record, and the extremes of the fast one within them."""
-    edges = np.linspace(0, record.position.size, min(POINTS, record.position.size) + 1).astype(int)[:-1]
+    edges = np.linspace(0, record.position.size, min(COURSE_POINTS, record.position.size) + 1).astype(int)[:-1]
     slow, fast = where.unknown.slow.values[index], where.unknown.fast.values[index]
     count = np.diff(np.append(edges, record.position.size))
     return {
@@ -241,7 +241,7 @@ def _spectrum(where: Where, candidate: Candidate, records: Sequence[Record]) -> 
     response = smoother_response(candidate, ts, FAST_WALK)[0]
     floor = 2 * ts * noise(candidate.machine) ** 2 * np.abs(np.fft.rfft(response)) ** 2
     there = np.interp(frequency, np.fft.rfftfreq(response.size, ts), floor)
-    edges = np.unique(np.geomspace(1, frequency.size, LINES).astype(int) - 1)
+    edges = np.unique(np.geomspace(1, frequency.size, SPECTRUM_LINES).astype(int) - 1)
     count = np.diff(np.append(edges, frequency.size))
     return {
         "frequency_Hz": (np.add.reduceat(frequency, edges) / count).tolist(),

@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 
 # Differences with respect to a reading, friction included, take a step of so many of the reading's deviations.
 PROBE: Final = 0.5
-FINE: Final = (3e-6, 5e-5)  # m, on the reference table: the range in which a period of the scale's error is searched
+# The range [m], on the reference table, in which a period of the scale's error is searched.
+FINE_PERIODS_M: Final = (3e-6, 5e-5)
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ def _fine(
 def _fine_range(samples: Samples) -> tuple[float, float]:
     """The range [m] in which a period of the scale's error is searched on this machine."""
     sizes = (samples.units.contact / REFERENCE.contact, samples.units.reading / REFERENCE.reading)
-    return FINE[0] * min(sizes), FINE[1] * max(sizes)
+    return FINE_PERIODS_M[0] * min(sizes), FINE_PERIODS_M[1] * max(sizes)
 
 
 def _fine_pitch(

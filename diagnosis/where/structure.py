@@ -33,7 +33,7 @@ Fit = tuple[list[float], Array, float]  # the free numbers, the columns' factors
 MAX_FITTED_SAMPLES: Final = 5_000  # samples that are fitted, those in which the reference moves most
 LATEST: Final = 8  # samples by which the reference may wait
 FILTERS: Final = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0, 10.0, 30.0)  # samples: a search for a filter begins at these times
-SAME: Final = 1.05  # times what another structure leaves, up to which a simpler one is as good
+AS_GOOD_RATIO: Final = 1.05  # times what another structure leaves, up to which a simpler one is as good
 EXACT: Final = 1e-9  # of the commands' standard deviation: round-off, which tells no structures apart
 WHOLE: Final = 1e-3  # distance within which a share is 0 or 1, and a filter's time constant [samples] 0
 RATES: Final = (1e-3, 1e6)  # 1/s: of a position's gain and of 1 / Tn, which at the least is 0
@@ -41,7 +41,7 @@ FILTER: Final = (0.0, 100.0)  # samples: of a filter's time constant
 CASCADE: Final = ((math.log(RATES[0]), math.log(RATES[1])),) * 2 + ((0.0, 2.0), FILTER)  # bounds of its free numbers
 WEIGHTS: Final = (-0.1, 2.1)  # set-point weights that a fit to a noisy log may show; others make no controller
 DELAYS: Final = 3  # at which a cascade is tried
-SHORTEST: Final = 200  # samples below which nothing is fitted
+MIN_FITTED_SAMPLES: Final = 200  # samples below which nothing is fitted
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def structure(record: Record, begin: int) -> Structure | None:
 
 def _as_good(known: _Signals, left: float) -> float:
     """What another structure may leave to be as good as one that leaves `left`; rms [N]."""
-    return SAME * max(left, EXACT * float(np.std(known.command)))
+    return AS_GOOD_RATIO * max(left, EXACT * float(np.std(known.command)))
 
 
 def judged(record: Record, begin: int) -> slice:
@@ -133,7 +133,7 @@ def _part(record: Record, begin: int) -> slice:
 
 def _signals(record: Record, begin: int) -> _Signals | None:
     """The part of a record that is fitted."""
-    if record.position.size - begin < SHORTEST or np.ptp(record.reference) == 0:
+    if record.position.size - begin < MIN_FITTED_SAMPLES or np.ptp(record.reference) == 0:
         return None
     part = _part(record, begin)
     origin = record.position[part.start]

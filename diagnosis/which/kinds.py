@@ -26,7 +26,7 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 RIVALS: Final = 6  # names with the largest gains whose free forms are compared
-TRIED: Final = 5  # proposals that are looked at beside the free forms of what is in the model
+TRIED_PROPOSALS: Final = 5  # proposals that are looked at beside the free forms of what is in the model
 FREE: Final = 0.3  # of an effect's size: deviation of the parts of its free form, where others are judged beside it
 
 
@@ -101,7 +101,7 @@ def beside_free_forms(
     the free forms of these: what the first law in another form explains needs no second law."""
     inside = {type(effect).kind() for effect in fitted.candidate.added_effects}
     other = [one.effect for one in proposals if one.effect is not None and one.gain > one.threshold]
-    other = [effect for effect in other if type(effect).kind() not in inside][:TRIED]
+    other = [effect for effect in other if type(effect).kind() not in inside][:TRIED_PROPOSALS]
     if not inside or not other:
         return tuple(proposals)
     free = with_free_forms(own, fitted, records)

@@ -48,10 +48,10 @@ MIN_REFINED_GAIN: Final = 100.0  # of -2 log likelihood: what gains more is foun
 MAX_FRICTION_SHARE: Final = 0.02  # of the friction: the largest, unless MIN_LEVELS reach further
 MIN_LEVELS: Final = 4  # levels, half a decade apart
 SAME_FREQUENCY_RATIOS: Final = (0.8, 1.25)  # frequencies, relative, between which a force counts as being about one
-WITHIN: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
+MAX_NYQUIST_SHARE: Final = 0.9  # of half the sampling rate: up to there forces about a frequency are looked for
 BELOW_MODES: Final = 0.5  # of the lowest mode's frequency: above, what a wrong mode leaves would pass for one
-TRIED: Final = 3  # frequencies
-BLOCK: Final = 415.0  # loop times over which power is averaged
+TRIED_FREQUENCIES: Final = 3  # frequencies
+BLOCK_LOOP_TIMES: Final = 415.0  # loop times over which power is averaged
 STANDS: Final = (
     0.05  # of a contact's length, and of the friction: a reference, and a feedforward, that go less stand still
 )
@@ -272,7 +272,7 @@ def steadiness(
     power = []
     for one in innovations:
         band = scipy.signal.sosfiltfilt(near, one)
-        parts = max(round(band.size * sample_time / (BLOCK * loop)), 1)
+        parts = max(round(band.size * sample_time / (BLOCK_LOOP_TIMES * loop)), 1)
         power += [float(np.mean(part**2)) for part in np.array_split(band, parts)]
     return float(np.median(power) / np.mean(power))
 
@@ -336,7 +336,7 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
     for i in inside[np.argsort(-(power / about)[inside], kind="stable")]:
         if all(abs(np.log(bins[i] / other)) > 0.15 for other in found):
             found.append(float(bins[i]))
-        if len(found) == TRIED:
+        if len(found) == TRIED_FREQUENCIES:
             break
     return found
 
@@ -346,7 +346,8 @@ def _highest(machine: Machine, usual: float, sample_time: float) -> float:
     not to the machine, a part of the lowest mode's; within what records of this sample time [s] hold."""
     modes = [machine.plant.modes[i].frequency for i in machine.plant.flexible]
     return min(
-        max(usual, BELOW_MODES * min(modes, default=np.inf)), WITHIN / SAME_FREQUENCY_RATIOS[1] / 2 / sample_time
+        max(usual, BELOW_MODES * min(modes, default=np.inf)),
+        MAX_NYQUIST_SHARE / SAME_FREQUENCY_RATIOS[1] / 2 / sample_time,
     )
 
 

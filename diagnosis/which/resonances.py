@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Spectra = Sequence[tuple[Array, NDArray[np.complex128], Array]]
 
 SMOOTHED: Final = 0.5  # of the lowest frequency: the width over which the power of what is left is smoothed
-STEP: Final = 2.0  # of the mode's damping ratio: relative distance of two frequencies that are tried
+FREQUENCY_STEP_DAMPINGS: Final = 2.0  # of the mode's damping ratio: relative distance of two frequencies that are tried
 FINER: Final = 3  # steps between two of them, about those that resemble best
 ABOUT: Final = 2.0  # a mode's response counts from its frequency over this to its frequency times this
 
@@ -43,7 +43,7 @@ def resonances(
 
 
 def _peaks(spectra: Spectra, low: float, high: float, mode: Callable[[float], Mode], most: int) -> list[float]:
-    step = STEP * mode(low).damping
+    step = FREQUENCY_STEP_DAMPINGS * mode(low).damping
     tried = np.geomspace(low, high, 2 + round(np.log(high / low) / step))
     score = np.array([_score(mode(one), spectra) for one in tried])
     inner = np.flatnonzero((score[1:-1] >= score[:-2]) & (score[1:-1] >= score[2:])) + 1

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.model.fit import ROOM, Fit, effects_prior_std, weights
+from diagnosis.model.fit import PRIOR_ROOM_FACTOR, Fit, effects_prior_std, weights
 from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns
@@ -35,9 +35,11 @@ Array = NDArray[np.float64]
 Columns = Mapping[Effect, NDArray[Any]]  # (n, 1) or (n, 2) each [1]
 
 FOLDS: Final = 6  # Cross-validation folds.
-POINTS: Final = 6  # Points of a grid over a shape or width of a decade or two, where its declaration says nothing.
+# Points of a grid over a shape or width of a decade or two, where its declaration says nothing.
+SHAPE_POINTS: Final = 6
 BATCH: Final = 24  # Columns that are filtered in one pass.
-LINES: Final = 8  # A range with fewer lines of a spectrum than this gets this many evenly spaced points instead.
+# A range with fewer lines of a spectrum than this gets this many evenly spaced points instead.
+MIN_RANGE_LINES: Final = 8
 PEAKS: Final = 4  # The strongest lines of each decade of a spectrum that become points of a grid.
 OVERTONES: Final = 3  # The jumps of a staircase have overtones, so a line may be of one up to this order.
 MIN_ORTHOGONAL_FRACTION: Final = 0.3
@@ -276,9 +278,9 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
             if item.is_resonance:  # narrower than the distance of two points
                 high = min(item.high, HIGHEST * nyquist)
                 ranges = [(item.widest[0], item.low), (item.low, high), (high, item.widest[1])]
-                within = [one for one in ranges if one[1] > ROOM * one[0]]
+                within = [one for one in ranges if one[1] > PRIOR_ROOM_FACTOR * one[0]]
                 found = _ringing(item, within, kind, fitted, records, projection)
-            elif item.widest[0] < item.low / ROOM:
+            elif item.widest[0] < item.low / PRIOR_ROOM_FACTOR:
                 found = _from_spectrum(item, (item.widest[0], item.low), kind, fitted, records, projection)
             shown = _points(item) if item.unit != "Hz" else _points(item)[_points(item) <= HIGHEST * nyquist]
             axes.append([(item.name, point) for point in (*shown, *np.array(found))])
@@ -306,7 +308,7 @@ def _ringing(
 
 def _points(item: Parameter) -> Array:
     """The points [SI] of a parameter's grid."""
-    count = item.points or POINTS
+    count = item.points or SHAPE_POINTS
     if item.points_per_decade:
         count = max(item.points_per_decade, round(item.points_per_decade * np.log10(item.high / item.low)))
     if item.role != "period":
@@ -347,7 +349,7 @@ def _from_spectrum(
         left = reading if kind.shown_in() == "reading" else force * _multiplied(kind, item, record)
         spans.append((_coordinate(item.periodic_in, record, fitted), left))
     if item.role == "width":
-        most = ROOM * within[1]
+        most = PRIOR_ROOM_FACTOR * within[1]
         found = peaks(spans, within[0], most, PADDED[item.periodic_in])
         return sorted({n * step for step in found for n in range(1, OVERTONES + 1) if n * step <= most})
     low, high = (1 / within[1], 1 / within[0]) if item.is_frequency else within
@@ -382,8 +384,8 @@ def peaks(spans: Sequence[tuple[Array, Array]], low: float, high: float, padded:
     extent = max(float(np.ptp(coordinate)) for coordinate, _ in spans)
     width = max(low / 8, padded * max(extent, 2 * high) / MAX_SPECTRUM_BINS)
     count = int(2 ** np.ceil(np.log2(padded * max(extent, 2 * high) / width)))
-    if (1 / low - 1 / high) * count * width < LINES:  # a range too narrow for a spectrum
-        return [float(1 / wave) for wave in np.linspace(1 / high, 1 / low, LINES)]
+    if (1 / low - 1 / high) * count * width < MIN_RANGE_LINES:  # a range too narrow for a spectrum
+        return [float(1 / wave) for wave in np.linspace(1 / high, 1 / low, MIN_RANGE_LINES)]
     power = np.zeros(count // 2 + 1, np.float32)  # single precision does: lines are only ranked by it
     size = max(float(np.max(np.abs(weight))) for _, weight in spans) or 1.0
     for coordinate, weight in spans:

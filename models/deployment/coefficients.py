@@ -26,7 +26,7 @@ from models.feedback.law import POSITION, REFERENCE, Law
 
 Row = tuple[float, ...]
 
-ROUNDING: Final = 1e-6  # by which N_ff(1) may differ from 1, and D_ff(1) from 0 in its largest coefficient
+COEFFICIENT_ROUNDING: Final = 1e-6  # by which N_ff(1) may differ from 1, and D_ff(1) from 0 in its largest coefficient
 STEEPEST: Final = 10 / math.sqrt(3)  # largest second derivative of the wipe's profile 10 s^3 - 15 s^4 + 6 s^5
 MAX_MOTION_SAMPLES: Final = 1_000_000  # samples of a wipe, or of a plan
 TALL: Final = 10_000  # coefficients of a polynomial
@@ -87,7 +87,11 @@ def step_responses(controller: Controller, least: int = 2) -> tuple[Row, Row, Ro
         list(accumulate([*row, *[0.0] * (longest - len(row))])) for row in (controller.n_ff, path_ff, controller.d_ff)
     ]
     largest = max(*map(abs, controller.d_ff), 1e-300)
-    if abs(sums[0][-1] - 1) > ROUNDING or abs(sums[1][-1] - 1) > ROUNDING or abs(sums[2][-1]) > ROUNDING * largest:
+    if (
+        abs(sums[0][-1] - 1) > COEFFICIENT_ROUNDING
+        or abs(sums[1][-1] - 1) > COEFFICIENT_ROUNDING
+        or abs(sums[2][-1]) > COEFFICIENT_ROUNDING * largest
+    ):
         raise ValueError("the feedforward must end at rest on its target: the sum of n_ff must be 1 and that of d_ff 0")
     if longest > TALL:
         raise ValueError(f"n_ff and d_ff may have at most {TALL} coefficients")

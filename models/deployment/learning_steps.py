@@ -27,7 +27,7 @@ from models.simulation.kernel import clipped
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-SAME: Final = 1e-3  # of the stroke, by which a motion that is learned from may miss it
+MAX_STROKE_MISS: Final = 1e-3  # of the stroke, by which a motion that is learned from may miss it
 # Entries of `told`: scale of the friction, of the elements' way and of u_ff; errors of mass and dead time; constant
 # force; thrust summed over a rest; direction of the motion; the two weighted errors of a motion and of a round; sums of
 # u and u^2 over a round; u at the wipe's rests, and their mean.
@@ -208,7 +208,7 @@ def _moving(given: Lesson, one: Pupil, stiffness: Array, change: float, error: f
     """A sample of a round; whether it was a motion's last."""
     told, at = one.told, one.at
     if change != 0.0:
-        at[SINCE] = 0 if abs(abs(change) - given.stroke) <= SAME * given.stroke else -1
+        at[SINCE] = 0 if abs(abs(change) - given.stroke) <= MAX_STROKE_MISS * given.stroke else -1
         told[DIRECTION] = 1.0 if change > 0.0 else -1.0
         told[HOLD], told[BY_MASS], told[BY_LATE] = 0.0, 0.0, 0.0
     elif at[SINCE] >= 0:

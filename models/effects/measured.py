@@ -37,7 +37,7 @@ acts, time for which the table has rested, path since the last reversal."""
 SYMMETRIES: Final = ("plain", "even", "odd", "directional")
 SIGNED: Final = ("speed", "acceleration", "command")  # coordinates with a sign that a law may be even or odd in
 MOST_KNOTS: Final = 200  # each takes time in every substep
-LARGEST: Final = 1e9
+MAX_MAGNITUDE: Final = 1e9
 BECAUSE: Final = "beyond, numbers lose their meaning"
 
 # By what the hooks know the coordinates and symmetries, in their order; and where a table's numbers stand in p.
@@ -127,22 +127,32 @@ class Measured(Effect):
         "1",
         "values of the coordinate",
         unit_by=("coordinate", UNITS),
-        at_least=-LARGEST,
-        at_most=LARGEST,
+        at_least=-MAX_MAGNITUDE,
+        at_most=MAX_MAGNITUDE,
         because=BECAUSE,
         most=MOST_KNOTS,
     )
     force: tuple[float, ...] = value(
-        "N", "force on the table at the knots", at_least=-LARGEST, at_most=LARGEST, because=BECAUSE, most=MOST_KNOTS
+        "N",
+        "force on the table at the knots",
+        at_least=-MAX_MAGNITUDE,
+        at_most=MAX_MAGNITUDE,
+        because=BECAUSE,
+        most=MOST_KNOTS,
     )
     symmetry: Literal["plain", "even", "odd", "directional"] = value(
         "1", "how the force turns with the coordinate or the direction", default="plain"
     )
     period: float = value(
-        "1", "period of the curve (0: none)", unit_by=("coordinate", UNITS), at_least=0, at_most=LARGEST, default=0.0
+        "1",
+        "period of the curve (0: none)",
+        unit_by=("coordinate", UNITS),
+        at_least=0,
+        at_most=MAX_MAGNITUDE,
+        default=0.0,
     )
-    slow: float = value("m/s", "speed below which the table rests", at_least=0, at_most=LARGEST, default=0.0)
-    turn: float = value("m", "way back that makes a reversal", at_least=0, at_most=LARGEST, default=0.0)
+    slow: float = value("m/s", "speed below which the table rests", at_least=0, at_most=MAX_MAGNITUDE, default=0.0)
+    turn: float = value("m", "way back that makes a reversal", at_least=0, at_most=MAX_MAGNITUDE, default=0.0)
 
     def __post_init__(self) -> None:
         """Raises ValueError unless it is a table of a function of the coordinate."""

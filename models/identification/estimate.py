@@ -14,7 +14,7 @@ from models.quantity import listed
 
 Array = NDArray[np.float64]
 
-ALIKE: Final = 0.95  # correlation from which on two parameters can hardly be told apart
+MIN_CONFUSING_CORRELATION: Final = 0.95  # correlation from which on two parameters can hardly be told apart
 STRONG: Final = 10.0  # by which BIC must fall for a parameter more: strong evidence (Kass and Raftery, 1995)
 MAX_TOLD_RELATIVE_STD: Final = 10.0  # times its value: beyond, a deviation's share of it says nothing
 LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
@@ -63,11 +63,11 @@ def not_identifiable(estimate: Estimate, may_be_zero: Sequence[str] = ()) -> tup
                 else f"more than {MAX_TOLD_RELATIVE_STD:g} times it"
             )
             said.append(f"This record does not show the {name}: its standard deviation is {size}.")
-    for group in connected(np.abs(estimate.correlation) > ALIKE):
+    for group in connected(np.abs(estimate.correlation) > MIN_CONFUSING_CORRELATION):
         names = [estimate.names[i] for i in group]
         said.append(
             f"This record hardly tells {listed(names)} from each other (correlations beyond "
-            f"{ALIKE:g}): only combinations of them are known well."
+            f"{MIN_CONFUSING_CORRELATION:g}): only combinations of them are known well."
         )
     return tuple(said)
 

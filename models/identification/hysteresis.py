@@ -20,8 +20,8 @@ from models.friction import Friction, deflections, elements
 from models.identification.solving import interruptible
 
 Array = NDArray[np.float64]
-GRID = 80  # limits of the convex stage
-POINTS = 300  # of the curve that the NLP looks at; between its points a path has only to be monotone
+GRID_LIMITS = 80  # limits of the convex stage
+CURVE_POINTS = 300  # of the curve that the NLP looks at; between its points a path has only to be monotone
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _convex(path: Array, force: Array, count: int) -> tuple[Array, Array]:
     """(stiffness, limit) (N,): the best distribution of stiffness over a grid of limits, brought down to N elements."""
     steps = np.abs(np.diff(path[1:]))
     smallest = max(float(np.median(steps[steps > 0])), float(np.ptp(path[1:])) / 2000)
-    grid = np.geomspace(0.5 * smallest, float(np.ptp(path[1:])) / 2, GRID)
+    grid = np.geomspace(0.5 * smallest, float(np.ptp(path[1:])) / 2, GRID_LIMITS)
     stiffness, _ = scipy.optimize.nnls(deflections(grid, path)[1:], force[1:])
     used = stiffness > 1e-9 * np.max(stiffness, initial=0.0)
     if not np.any(stiffness > 0):
@@ -132,7 +132,9 @@ def _refined(
 ) -> Identified:
     """The NLP over log K, log X and, if damped, D; scaled by what the convex stage found."""
     count = start[0].size
-    keep = np.unique(np.concatenate([[0], np.round(np.linspace(1, path.size - 1, POINTS)), _turns(path)]).astype(int))
+    keep = np.unique(
+        np.concatenate([[0], np.round(np.linspace(1, path.size - 1, CURVE_POINTS)), _turns(path)]).astype(int)
+    )
     x, f, v = path[keep], force[keep], velocity[keep]
     scale = np.max(np.abs(f))
     speed = max(float(np.max(np.abs(v))), 1e-12)

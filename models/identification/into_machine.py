@@ -26,7 +26,7 @@ from models.variation import known_apart
 
 Array = NDArray[np.float64]
 
-WAYS: Final = ("viscous friction forwards", "viscous friction backwards")
+VISCOUS_DIRECTIONS: Final = ("viscous friction forwards", "viscous friction backwards")
 METHODS: Final = {
     "response": "frequency response",
     "hysteresis": "slow record",
@@ -235,7 +235,7 @@ def holdable(fit: ForceFit) -> Holdable:
     the friction by direction of a machine file, and an offset. What is not sure, c or a, is left out.
     """
     e, kept = fit.estimate, fit.used
-    where = [e.names.index(name) for name in WAYS]
+    where = [e.names.index(name) for name in VISCOUS_DIRECTIONS]
     ahead, back = e.values[where]
     drag = _sure(max(float(ahead + back) / 2, 0.0), 0.5 * float(np.sqrt(np.sum(e.covariance[np.ix_(where, where)]))))
     speed = np.gradient(fit.path, fit.time)

@@ -50,7 +50,7 @@ ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
 # Of the longest way from the start: from there on friction has forgotten what it can forget.
 FORGOTTEN_WAY_SHARE: Final = 0.98
-DRAWS: Final = 60  # of the noise, for the covariance
+NOISE_DRAWS: Final = 60  # of the noise, for the covariance
 PARAMETER_UNITS: Final = (
     ("mass", "1"),
     ("friction level", "1"),
@@ -63,7 +63,7 @@ DERIVATIVE_STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])
 # Relative change of stiffnesses and limits up to which the command changes in proportion.
 MAX_PROPORTIONAL_CHANGE: Final = 0.05
 PARTS_LEFT_OUT: Final = 20  # of the information on all parameters, one after another
-ALIKE: Final = 100  # times that motions' lengths are told apart, over the longest one
+LENGTH_STEPS: Final = 100  # times that motions' lengths are told apart, over the longest one
 PLAIN: Final = 4  # parts that are always identified; the damping only where it shows
 
 
@@ -184,9 +184,9 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
 @dataclass(frozen=True)
 class _Near:
     """All near theta (5,), whitened: the command that is left (n,), its slopes by theta and by the offset (n, 6), and
-    what is made of it by the scale's noise and rounding (n, DRAWS), and by one standard deviation of each value that is
-    held as known (n, M). phase (n,): the same number for samples at the same place
-    of equal motions, in the order of kinds and time."""
+    what is made of it by the scale's noise and rounding (n, NOISE_DRAWS), and by one standard deviation of each value
+    that is held as known (n, M). phase (n,): the same number for samples at the same place of equal motions, in the
+    order of kinds and time."""
 
     theta: Array
     phase: NDArray[np.int64]
@@ -211,7 +211,7 @@ def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
     left, slopes = _linearised(job, theta)
     noisy = replace(job.machine, scale=job.machine.scale.noisy())
     clean = _simulated(job.record, job.still, theta)
-    shaken = (_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, DRAWS + 1))
+    shaken = (_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, NOISE_DRAWS + 1))
     # One by one, as all of them before and behind the filter would take twice the memory.
     many = ([job.whitened(filter_, one) for one in signals] for signals in (shaken, _unsure(job, theta)))
     noise, held = (np.column_stack(signals) for signals in many)
@@ -226,7 +226,7 @@ def _phases(record: Record) -> NDArray[np.int64]:
     """
     moves = cut(record)
     longest = max((abs(one.target - one.origin) for one in moves), default=0.0) or 1.0
-    kinds = [(round(ALIKE * (one.target - one.origin) / longest), one.reversal) for one in moves]
+    kinds = [(round(LENGTH_STEPS * (one.target - one.origin) / longest), one.reversal) for one in moves]
     room: dict[tuple[int, bool], int] = {}  # for the longest of each kind
     for one, kind in zip(moves, kinds, strict=True):
         room[kind] = max(room.get(kind, 0), one.stop - one.start)
@@ -313,8 +313,8 @@ def _solved(near: _Near, parts: int) -> _Solution:
     noise = float(np.var(near.shaken))
     expected = noise + float(np.sum(np.var(near.unsure + slopes @ apart, axis=0)))
     size = float(np.var(error)) / max(expected, 1e-300)
-    by_noise = np.cov(draws) * (1 + 1 / DRAWS) * max(1.0, float(np.var(error)) / max(noise, 1e-300))
-    covariance = (np.cov(draws) * (1 + 1 / DRAWS) + apart @ apart.T) * max(1.0, size)
+    by_noise = np.cov(draws) * (1 + 1 / NOISE_DRAWS) * max(1.0, float(np.var(error)) / max(noise, 1e-300))
+    covariance = (np.cov(draws) * (1 + 1 / NOISE_DRAWS) + apart @ apart.T) * max(1.0, size)
     covariance = wider(covariance, left_out(slopes, near.left, _parts(near.phase, slopes)))
     return _Solution(np.append(near.theta[:parts], 0.0) + step - np.mean(draws, axis=1), covariance, by_noise, error)
 

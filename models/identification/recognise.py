@@ -20,7 +20,7 @@ from models.records.tables.sizes import LIMITS, Limits
 Array = NDArray[np.float64]
 
 MAX_AVERAGING_S: Final = 0.05  # s over which a reading is averaged, and
-SHORTEST: Final = 3  # samples
+MIN_AVERAGED_SAMPLES: Final = 3  # samples
 AWAY: Final = 0.1  # of the reading's scatter: what an average may take off it
 NOISES: Final = 3.0  # of the scale's noise, below which what it takes off is that
 # Of the command's scatter: a record whose inertial force is below shows friction alone.
@@ -65,13 +65,13 @@ def _without_noise(record: Record, machine: Machine) -> Array:
     acceleration for the table's, a long one averages a fast motion away."""
     noise = max(machine.scale.noise, machine.scale.resolution)
     moves = max(AWAY * float(np.std(record.position)), NOISES * noise)
-    width = max(round(MAX_AVERAGING_S / record.sample_time), SHORTEST)
+    width = max(round(MAX_AVERAGING_S / record.sample_time), MIN_AVERAGED_SAMPLES)
     while True:
         smooth = np.convolve(record.position, np.hanning(width + 2)[1:-1] / np.sum(np.hanning(width + 2)), "valid")
         cut = (record.position.size - smooth.size) // 2
-        if width == SHORTEST or np.std(record.position[cut : cut + smooth.size] - smooth) < moves:
+        if width == MIN_AVERAGED_SAMPLES or np.std(record.position[cut : cut + smooth.size] - smooth) < moves:
             return np.asarray(smooth)
-        width = max(width // 2, SHORTEST)
+        width = max(width // 2, MIN_AVERAGED_SAMPLES)
 
 
 def replayable(machine: Machine, loaded: Loaded, kind: str, columns: Columns) -> Loaded:

@@ -11,7 +11,8 @@ from models.machines.provenance import MachineError, Provenance
 from models.machines.reading import read
 from models.quantity import show, value
 
-TIMES: Final = {"integral_time": "ki", "derivative_time": "kd"}  # the keys of the ideal form, and what they stand for
+# The keys of the ideal form, and what they stand for.
+GAINS_OF_TIMES: Final = {"integral_time": "ki", "derivative_time": "kd"}
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,11 @@ def in_parallel_form(content: Mapping[str, Any]) -> dict[str, Any]:
     """
     control = content.get("control")
     table = control.get("pid") if isinstance(control, dict) else None
-    if not isinstance(table, dict) or not isinstance(control, dict) or TIMES.keys().isdisjoint(table):
+    if not isinstance(table, dict) or not isinstance(control, dict) or GAINS_OF_TIMES.keys().isdisjoint(table):
         return dict(content)
-    for time, gain in TIMES.items():
+    for time, gain in GAINS_OF_TIMES.items():
         if gain in table:
-            other = next(iter(TIMES.keys() & table.keys()))
+            other = next(iter(GAINS_OF_TIMES.keys() & table.keys()))
             raise MachineError(
                 f"control.pid.{gain}: must not stand beside {other}; state the PID by kp, ki and kd, or by kp, "
                 "integral_time and derivative_time"
@@ -46,13 +47,13 @@ def in_parallel_form(content: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(table.get(time), dict) and "std" in table[time]:
             raise MachineError(f"control.pid.{time}.std: is not used here; state the PID by kp, ki and kd instead")
     sources = dict[str, Provenance]()
-    ideal = read(_Ideal, {key: table[key] for key in ("kp", *TIMES) if key in table}, "control.pid", sources)
+    ideal = read(_Ideal, {key: table[key] for key in ("kp", *GAINS_OF_TIMES) if key in table}, "control.pid", sources)
     ti, td = ideal.integral_time, ideal.derivative_time
     gains = {
         "ki": _gain(ideal.kp / ti if ti else 0.0, "N/(m s)", "integral_time", ti, sources),
         "kd": _gain(ideal.kp * td, "N s/m", "derivative_time", td, sources),
     }
-    rest = {key: entry for key, entry in table.items() if key not in TIMES}
+    rest = {key: entry for key, entry in table.items() if key not in GAINS_OF_TIMES}
     without = {} if td else {"derivative_filter": {"value": "0 s", "source": "derived: no derivative"}}
     return {**content, "control": {**control, "pid": {**without, **rest, **gains}}}
 

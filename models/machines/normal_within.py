@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-REACH: Final = 6.0  # deviations: a bound that is farther off cuts off one draw in 1e9
-ROUNDS: Final = 50  # of Gibbs' sampler, from the mean; one number is drawn exactly in the first
+MAX_BOUND_STDS: Final = 6.0  # deviations: a bound that is farther off cuts off one draw in 1e9
+GIBBS_ROUNDS: Final = 50  # of Gibbs' sampler, from the mean; one number is drawn exactly in the first
 
 
 def normal_within(root: Array, low: Array, high: Array, count: int, rng: np.random.Generator) -> Array:
@@ -25,7 +25,7 @@ def normal_within(root: Array, low: Array, high: Array, count: int, rng: np.rand
     Gibbs' sampler for independent normal numbers y under the bounds of L y, with a triangular L (J. Geweke, Efficient
     simulation from the multivariate normal distribution subject to linear constraints, 1991).
     """
-    near = (low > -REACH) | (high < REACH)
+    near = (low > -MAX_BOUND_STDS) | (high < MAX_BOUND_STDS)
     order = np.concatenate([np.flatnonzero(near), np.flatnonzero(~near)])
     size = int(near.sum())
     triangle = np.asarray(np.linalg.qr(root[order].T, mode="r")).T  # of a root that may be nearly singular
@@ -42,7 +42,7 @@ def _constrained(triangle: Array, low: Array, high: Array, count: int, rng: np.r
     """Independent normal numbers y (count, K) [1] for which low <= triangle @ y <= high (K,)."""
     y = np.zeros((count, low.size))
     reached = y @ triangle.T
-    for _ in range(ROUNDS if low.size > 1 else 1):
+    for _ in range(GIBBS_ROUNDS if low.size > 1 else 1):
         for i, column in enumerate(triangle.T):
             bound = column != 0.0
             others = reached[:, bound] - y[:, i : i + 1] * column[bound]

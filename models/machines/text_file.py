@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-LARGEST: Final = 4_000_000  # bytes: machine files have up to 20 kB, a controller with effects up to 200 kB
+MAX_FILE_BYTES: Final = 4_000_000  # bytes: machine files have up to 20 kB, a controller with effects up to 200 kB
 
 
 def text_of(path: Path) -> str:
     """The UTF-8 text of a file. Raises OSError, and ValueError for a file that is too large or is not text."""
     with path.open("rb") as file:
-        content = file.read(LARGEST + 1)
-    if len(content) > LARGEST:
-        raise ValueError(f"it is larger than {LARGEST // 1_000_000} MB")
+        content = file.read(MAX_FILE_BYTES + 1)
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(f"it is larger than {MAX_FILE_BYTES // 1_000_000} MB")
     return content.decode("utf-8")
 
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 TRUST: Final = "if the record is right as it is, give --trust-records (in Python, trusted=True)"
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
-SHORTEST: Final = 1000  # samples that a diagnosis needs, of all records together
+MIN_DIAGNOSIS_SAMPLES: Final = 1000  # samples that a diagnosis needs, of all records together
 SIGNALS: Final = ("target", "reference", "feedforward", "command", "position")  # of a record
 SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
@@ -127,9 +127,10 @@ def check_sample_time(record: Record, sample_time: float) -> None:
 def check_length(records: Sequence[Record]) -> None:
     """Raises RecordError for records that are too short together."""
     samples = sum(record.position.size for record in records)
-    if samples < SHORTEST:
+    if samples < MIN_DIAGNOSIS_SAMPLES:
         raise RecordError(
-            f"{samples} samples are too short for a diagnosis; give {SHORTEST} or more, with several motions"
+            f"{samples} samples are too short for a diagnosis; give {MIN_DIAGNOSIS_SAMPLES} or more, with "
+            "several motions"
         )
 
 

@@ -33,7 +33,8 @@ BESIDE: Final = 0.01
 EXPLAINED: Final = 0.5  # of the variance, below which the command is not that of such a controller
 CLEAR: Final = 0.9  # ... and below which the sign over one signal says nothing where the other's shows none
 EXACT: Final = 1e-9  # of the command's changes: smaller residuals are of rounding
-ALIKE: Final = 1e-6  # of the largest singular value: smaller ones are of columns that are nearly the same
+# Of the largest singular value: smaller ones are of columns that are nearly the same.
+MIN_SINGULAR_VALUE_RATIO: Final = 1e-6
 MADE: Final = 0.1  # of the commands' standard deviation, and of what the replay leaves else: less shows who made them
 SETTLED: Final = 500  # samples at most, after which a replay does not know the beginning any more
 
@@ -132,7 +133,7 @@ def _certainty(columns: Array, wanted: Array) -> tuple[Array, float]:
     if power == 0 or not np.any(used):
         return certain, 0.0
     left, values, right = np.linalg.svd(columns[:, used] / size[used], full_matrices=False)
-    kept = values > ALIKE * values[0]
+    kept = values > MIN_SINGULAR_VALUE_RATIO * values[0]
     inverse = right[kept].T / values[kept]
     found = inverse @ (left[:, kept].T @ wanted)
     residual = wanted - columns[:, used] / size[used] @ found

@@ -35,7 +35,7 @@ from models.records.tables.table import Table
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
 OPTIONAL: Final = ("target", "reference", "error", "feedforward")
-ROUNDING: Final = 8 * float(np.finfo(float).eps)  # of a path: differences up to which are arithmetic's
+PATH_ROUNDING: Final = 8 * float(np.finfo(float).eps)  # of a path: differences up to which are arithmetic's
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ def _standing(path: Array) -> Array:
     next, where rounding alone moves it: a profile that is summed up in floating point had a motion of a
     hundred-millionth of a nanometre."""
     size = np.abs(np.diff(path, prepend=path[:1]))
-    slight = size <= ROUNDING * float(np.max(np.abs(path), initial=0.0))
+    slight = size <= PATH_ROUNDING * float(np.max(np.abs(path), initial=0.0))
     begins = np.flatnonzero(slight & ~np.concatenate([[False], slight[:-1]]))
     ends = np.flatnonzero(slight & ~np.concatenate([slight[1:], [False]])) + 1
     still = path.copy()

@@ -17,7 +17,7 @@ from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
 
-SAME: Final = 0.01  # of the slowest signal's step: two times that are closer are one
+SAME_TIME_SHARE: Final = 0.01  # of the slowest signal's step: two times that are closer are one
 
 
 def on_one_grid(
@@ -39,14 +39,14 @@ def on_one_grid(
     slowest = max(signals, key=lambda signal: _step(times[clocks[signal]]))
     grid = times[clocks[slowest]]
     step = _step(grid)
-    first = max(times[clocks[signal]][0] for signal in signals) - SAME * step
-    last = min(times[clocks[signal]][-1] for signal in signals) + SAME * step
+    first = max(times[clocks[signal]][0] for signal in signals) - SAME_TIME_SHARE * step
+    last = min(times[clocks[signal]][-1] for signal in signals) + SAME_TIME_SHARE * step
     kept = grid[(grid >= first) & (grid <= last)]
     placed, said = {}, []
     for signal, column in signals.items():
         own = times[clocks[signal]]
         nearest = _nearest(own, kept)
-        if kept.size < 2 or np.any(np.abs(own[nearest] - kept) > SAME * step):
+        if kept.size < 2 or np.any(np.abs(own[nearest] - kept) > SAME_TIME_SHARE * step):
             raise RecordError(_apart(signal, own, slowest, grid))
         placed[signal] = column[nearest]
         if kept.size != own.size:

@@ -22,12 +22,13 @@ Array = NDArray[np.float64]
 
 THOUSAND: Final = (300.0, 3000.0)  # a ratio in here is a factor of 1000, or its inverse
 # A loop keeps the position to the reference, so that a ratio beyond this one, where they go together so CLOSELY, is a
-# factor of units wherever the error would have made the stated controller put out so many TIMES what was logged.
-APART: Final = 1.5
+# factor of units wherever the error would have made the stated controller put out UNIT_ERROR_THRUST_RATIO times what
+# was logged.
+UNIT_ERROR_RATIO: Final = 1.5
 CLOSELY: Final = 0.98  # correlation
-TIMES: Final = 3.0
+UNIT_ERROR_THRUST_RATIO: Final = 3.0
 # A factor of all commands, or its inverse, from which on it is one of units; a loop may be tuned for another load.
-UNITS: Final = 4.0
+UNIT_ERROR_FACTOR: Final = 4.0
 MADE: Final = 0.05  # of the command's deviation: the stated controller, times a factor, leaves less than this
 IDLE: Final = 1e-3  # of the command: a feedback that adds less was switched off
 PEAK: Final = 100.0  # times the rated thrust, which no drive gives
@@ -151,7 +152,9 @@ def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
         return
     slope = float(np.polyfit(record.reference, record.position, 1)[0])
     if _off(slope):
-        counts = facts.resolution is not None and 1 / APART < abs(slope) * facts.resolution < APART
+        counts = (
+            facts.resolution is not None and 1 / UNIT_ERROR_RATIO < abs(slope) * facts.resolution < UNIT_ERROR_RATIO
+        )
         in_counts = f"as it would in counts of {show(facts.resolution or 0.0, 'm')}"
         yield (
             f"the position moves {abs(slope):.4g} times as far as the reference, "
@@ -160,7 +163,11 @@ def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
         )
     elif slope < 0:
         yield 'the position moves against the reference: a sign is wrong; turn it by "NAME * -1"'
-    elif correlation > CLOSELY and not 1 / APART < slope < APART and (times := _asked_for(record, facts)) > TIMES:
+    elif (
+        correlation > CLOSELY
+        and not 1 / UNIT_ERROR_RATIO < slope < UNIT_ERROR_RATIO
+        and (times := _asked_for(record, facts)) > UNIT_ERROR_THRUST_RATIO
+    ):
         yield (
             f"the position moves {slope:.4g} times as far as the reference, and at such an error the stated controller "
             f"would put out {times:.3g} times the command that is logged: the unit or factor of one of them is wrong; "
@@ -305,8 +312,8 @@ def _against_unit(record: Record, facts: Facts) -> Iterator[str]:
     shown, left = fitted_mass(speed, acceleration, force)
     for column, logged in ((made, record.command), (made - record.feedforward, record.command - record.feedforward)):
         factor, rest = _factor_of(column, logged)
-        agrees = factor > 0 and 1 / APART < shown / facts.mass / factor < APART
-        another = not 1 / UNITS < factor < UNITS and rest < MADE * float(np.std(record.command))
+        agrees = factor > 0 and 1 / UNIT_ERROR_RATIO < shown / facts.mass / factor < UNIT_ERROR_RATIO
+        another = not 1 / UNIT_ERROR_FACTOR < factor < UNIT_ERROR_FACTOR and rest < MADE * float(np.std(record.command))
         if another and agrees and float(np.var(left)) < 0.5 * float(np.var(force)):
             yield (
                 f"the command is {factor:.4g} times what the stated controller makes, and moves {show(shown, 'kg', 3)} "

@@ -23,7 +23,7 @@ ROW: Final = "row"  # what a mapping calls the count of the rows, from 0, where 
 ON_GRID: Final = 0.05  # of a grid's step: by so much a stamp may be off it, as a double of seconds since 1970 is
 STEP_NOISE: Final = 0.005  # of a step: steps that differ by less are the same
 FEWEST_STAMPS: Final = 8  # that differ, from which rounding can be told from a wandering clock
-ROUNDING: Final = 1e-3  # of the grid's step: by so much halves that are rounded to either side may exceed it
+GRID_ROUNDING: Final = 1e-3  # of the grid's step: by so much halves that are rounded to either side may exceed it
 # Of the stamps: where fewer occur more or less often than the others, samples were lost.
 MAX_UNEVEN_STAMP_SHARE: Final = 0.01
 DIGITS: Final = 6  # up to which a round sample time is looked for
@@ -149,16 +149,16 @@ def _under(stamps: Array, grid: float, expected: float | None) -> float | None:
     def spread(share: float) -> float:
         return float(np.ptp(stamps - share * count))
 
-    if expected is not None and spread(expected / grid) < 1 - ROUNDING:
+    if expected is not None and spread(expected / grid) < 1 - GRID_ROUNDING:
         return expected
     if _may_lack_some(stamps) or spread(slope) > 1.5:
         return None
     for sample_time in _candidates(slope * grid, expected):
-        if spread(sample_time / grid) < 1 + ROUNDING:
+        if spread(sample_time / grid) < 1 + GRID_ROUNDING:
             return sample_time
     most, close = 2 / stamps.size, {"xatol": 1e-7 / stamps.size}
     best = scipy.optimize.minimize_scalar(spread, bounds=(slope - most, slope + most), method="bounded", options=close)
-    return float(best.x) * grid if best.fun < 1 + ROUNDING else None
+    return float(best.x) * grid if best.fun < 1 + GRID_ROUNDING else None
 
 
 def _may_lack_some(stamps: Array) -> bool:

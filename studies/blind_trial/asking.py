@@ -20,7 +20,7 @@ PATIENCE: Final = 3600.0  # The timeout of one case, on cores shared with other 
 CASES: Final = 25  # The number of cases after which an answering process is replaced.
 THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "LOKY_MAX_CPU_COUNT")
 """Environment variables that limit threads (the last is joblib's): one each, as every core has a case to itself."""
-KEPT: Final = {"MALLOC_MMAP_THRESHOLD_": f"{2**25}", "MALLOC_TRIM_THRESHOLD_": f"{2**32}"}
+ALLOCATOR_SETTINGS: Final = {"MALLOC_MMAP_THRESHOLD_": f"{2**25}", "MALLOC_TRIM_THRESHOLD_": f"{2**32}"}
 """Memory [bytes] that glibc's allocator retains: fetching large arrays anew from the kernel costs a few per cent."""
 
 
@@ -38,7 +38,7 @@ class Answerer:
             stderr=self._errors,
             text=True,
             cwd=ROOT,
-            env={**os.environ, **threads, **KEPT},
+            env={**os.environ, **threads, **ALLOCATOR_SETTINGS},
         )
         self._say({"forbidden": forbidden})
 

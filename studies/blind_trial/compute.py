@@ -33,9 +33,9 @@ from studies.study import Answer, Check, Progress
 ROOT: Final = Path(__file__).parents[2]
 DIAGNOSIS: Final = answering.DIAGNOSIS
 CACHE: Final = Path("reports/out/.null")  # The diagnosis caches thresholds per machine and schedule here.
-AGAIN: Final = "answers_again.json"  # beside the key: the answers to second measurements
-DEFAULT: Final = 60
-QUICK: Final = 2
+SECOND_ANSWERS: Final = "answers_again.json"  # beside the key: the answers to second measurements
+DEFAULT_CASES: Final = 60
+QUICK_CASES: Final = 2
 RECORDED: Final = 30.0  # s of records in a case
 ANSWERED: Final = 0.93  # The share of a trial's time for its cases; the rest is for second measurements.
 FULL: Final = 300  # From this number of cases on, a trial may take at most A_CASE per case on CORES cores.
@@ -76,7 +76,7 @@ def compute(machine: Machine, options: TrialOptions, progress: Progress) -> Answ
     cluster = cluster_of(options)
     committed, file = output / "sealed" / "answers_committed.json", output / "answers.json"
     require_answers(file, overwrite=options.overwrite)
-    for one in (file, committed.with_name(AGAIN)):
+    for one in (file, committed.with_name(SECOND_ANSWERS)):
         require_committed(committed, read_answers(one), one)
     begun = time.monotonic() if _timed(options, output) else None
     if options.pack is None:
@@ -146,7 +146,7 @@ def _foresee(machine: Machine, options: TrialOptions, progress: Progress) -> Non
 
 def _cases(options: TrialOptions) -> int:
     """How many cases are sealed."""
-    return options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
+    return options.cases if options.cases is not None else QUICK_CASES if options.quick else DEFAULT_CASES
 
 
 def _timed(options: TrialOptions, output: Path) -> bool:
@@ -223,7 +223,7 @@ def _second(
     if pack is None:
         return {}
     conditions = replace(conditions, baselines=False, evidence=False)
-    found = answer_all(pack, committed.with_name(AGAIN), conditions, tell, cluster)
+    found = answer_all(pack, committed.with_name(SECOND_ANSWERS), conditions, tell, cluster)
     commit(committed, found)
     return found
 

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from studies.binomial import interval
-from studies.blind_trial.scoring import KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
+from studies.blind_trial.scoring import CASE_KINDS, NAMING, OUT_OF_CATALOGUE, WITHOUT_EFFECT, Score
 
 T = TypeVar("T")
 CALIBRATION_BINS: Final = 10
@@ -142,7 +142,7 @@ def rate_of(flags: Sequence[bool]) -> Rate:
 
 def confusion(scores: Sequence[Score]) -> dict[str, Any]:
     """The confusion matrix: counts of cases by their true content (rows) and the answer (columns)."""
-    ordered = sorted(scores, key=lambda one: (KINDS.index(one.label.kind), one.label.names))
+    ordered = sorted(scores, key=lambda one: (CASE_KINDS.index(one.label.kind), one.label.names))
     return counted(
         [(one.label.names[0] if one.label.kind == "single" else one.label.kind, _said(one)) for one in ordered], LAST
     )

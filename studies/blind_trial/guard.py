@@ -46,8 +46,8 @@ SPAWNS: Final = (
     "pty.spawn",
     "socket.connect",
 )
-CHUNK: Final = 1 << 20  # Bytes of a file that are searched at a time.
-LARGEST: Final = 2_000_000_000  # Bytes of a file after decompression, up to which it is searched.
+CHUNK_BYTES: Final = 1 << 20  # Bytes of a file that are searched at a time.
+MAX_SEARCHED_BYTES: Final = 2_000_000_000  # Bytes of a file after decompression, up to which it is searched.
 WORTH_COMPARING: Final = 60  # Syntax-tree nodes of a function; shorter functions may coincide by chance.
 
 
@@ -92,7 +92,7 @@ def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
     return not os.path.isabs(path) and os.path.basename(path) in names  # noqa: PTH117, PTH119
 
 
-def leaks(pack: Path, names: Iterable[str], largest: int = LARGEST) -> list[str]:
+def leaks(pack: Path, names: Iterable[str], largest: int = MAX_SEARCHED_BYTES) -> list[str]:
     """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json.
 
     A file is searched up to so many bytes after decompression; that it has more is said, as it hides what follows.
@@ -112,7 +112,7 @@ def _held(file: Path, words: Sequence[bytes], largest: int) -> tuple[set[bytes],
     """Which words a file holds, read chunk by chunk, and whether it was read to its end."""
     held, longest, size, last = set[bytes](), max(map(len, words), default=1), 0, b""
     with gzip.open(file) if file.suffix == ".gz" else file.open("rb") as content:
-        while part := content.read(CHUNK):
+        while part := content.read(CHUNK_BYTES):
             size += len(part)
             if size > largest:
                 return held, False

@@ -63,7 +63,7 @@ from studies.study import Answer, Check, Progress
 ROOT: Final = Path(__file__).parents[2]
 INJECTION_FOLDER: Final = Path(__file__).with_name("injection")
 NOT_SHARED: Final = ("models/effects", "diagnosis")
-QUICK: Final = 2
+QUICK_CASES: Final = 2
 SEALING: Final = 0.05  # share of the time for what is written before the answers
 ANSWERED: Final = 0.95  # share of the time after which the uninjected records are left
 SOURCE: Final = "what the injection is to reach"
@@ -101,7 +101,7 @@ def compute_injected(
     given = [_given(machine, options, path) for path in options.inject]
     known = known_of(machine, given)
     whole = size_of_design(known)
-    cases = min(options.cases or (QUICK if options.quick else whole), whole)
+    cases = min(options.cases or (QUICK_CASES if options.quick else whole), whole)
     _foresee(machine, given, cases, options, progress)
     chosen = plans(known, options.seed, cases)
     secret = _seal(machine, given, known, chosen, options.seed, sealed, progress)

@@ -16,16 +16,16 @@ import scipy
 from models.effects.catalogue import every
 from studies.blind_trial import figures_of_merit as merit
 from studies.blind_trial.figures_of_merit import Rate, counted, of_kind, rate
-from studies.blind_trial.scoring import KINDS, NAMING, WITHOUT_EFFECT, Label, Score, score
+from studies.blind_trial.scoring import CASE_KINDS, NAMING, WITHOUT_EFFECT, Label, Score, score
 from studies.study import Check
 
 SOURCE: Final = "what a trial on drawn machines is to reach"
 WORST: Final = 0.1  # the share of the machines that are named as the worst
-DRAWS: Final = 2000  # simulated trials of equally good machines
+SIMULATED_TRIALS: Final = 2000  # simulated trials of equally good machines
 CASES, MACHINES, INNOCENTS = 1000, 150, 200  # from which on a trial supports its claims
 A_CASE: Final = 9.0  # s on two cores: 1000 cases in two and a half hours
 
-TOLD: Final = 6  # features of the worst machines that are told
+TOLD_FEATURES: Final = 6  # features of the worst machines that are told
 
 TARGETS: Final[tuple[tuple[str, str, str, float], ...]] = (
     ("right_name", "right name, single effects above the detection limit: lower bound", ">=", 0.90),
@@ -115,7 +115,7 @@ def _tenth(count: int) -> int:
 def _by_chance(tries: Sequence[int], share: float) -> float:
     """The mean share of right names in the worst tenth if every case is right with this probability."""
     rng, sizes = np.random.default_rng(0), np.array(tries)
-    hits = rng.binomial(sizes, share, size=(DRAWS, sizes.size))
+    hits = rng.binomial(sizes, share, size=(SIMULATED_TRIALS, sizes.size))
     order = np.lexsort((np.broadcast_to(-sizes, hits.shape), hits / sizes), axis=1)[:, : _tenth(sizes.size)]
     return float(np.mean(np.take_along_axis(hits, order, axis=1).sum(axis=1) / sizes[order].sum(axis=1)))
 
@@ -132,7 +132,7 @@ def common(chosen: Sequence[Mapping[str, Any]], others: Sequence[Mapping[str, An
         usual = _usual(chosen, name)
         label = f"{name} is {usual}" if usual is not None else name
         found.append({"feature": label, "worst": _middle(mine, usual), "others": _middle(theirs, usual), "p": p})
-    return sorted(found, key=lambda row: float(row["p"]))[:TOLD]
+    return sorted(found, key=lambda row: float(row["p"]))[:TOLD_FEATURES]
 
 
 def _usual(rows: Sequence[Mapping[str, Any]], name: str) -> str | None:
@@ -151,7 +151,7 @@ def _middle(numbers: Sequence[float], usual: str | None) -> float:
 
 def confusion_of_kinds(scores: Sequence[Score]) -> dict[str, Any]:
     """Counts of the cases that count by the kind of the true effect (rows) and of what is answered (columns)."""
-    ordered = sorted((one for one in scores if one.counts), key=lambda one: KINDS.index(one.label.kind))
+    ordered = sorted((one for one in scores if one.counts), key=lambda one: CASE_KINDS.index(one.label.kind))
     true = (kind_of(one.label.names[0]) if one.label.kind == "single" else one.label.kind for one in ordered)
     return counted(zip(true, map(_answered, ordered), strict=True), merit.LAST)
 

@@ -21,7 +21,7 @@ NAMING: Final = ("attributed", "ambiguous")
 OUTCOMES: Final = (*NAMING, "none_of_these", "nothing_to_explain", "parameters", "failed")
 WITHOUT_EFFECT: Final = ("clean", "parameters")
 OUT_OF_CATALOGUE: Final = ("outsider", "disabled")
-KINDS: Final = ("single", "pair", *OUT_OF_CATALOGUE, *WITHOUT_EFFECT)
+CASE_KINDS: Final = ("single", "pair", *OUT_OF_CATALOGUE, *WITHOUT_EFFECT)
 NOTHING: Final = ("nothing", "none", "clean", "nothing_wrong", "nothing_to_explain")
 PARAMETERS: Final = (
     "parameters",
@@ -89,7 +89,7 @@ def label_of(case: str, body: str, catalogue: Sequence[str]) -> Label:
         raise KeyFileError(f"{case}: its body is of {raw.get('case')!r}; give the key of this pack")
     names = [name for name in names if name not in NOTHING]
     kind = raw.get("kind")
-    if kind not in KINDS:
+    if kind not in CASE_KINDS:
         kind = _kind(names, bool(raw.get("disabled")), catalogue)
     effects = tuple(name for name in names if name not in PARAMETERS) if kind in WITHOUT_EFFECT else tuple(names)
     distances = [one.get("distance") for one in raw.get("effects", []) if isinstance(one, Mapping)]

@@ -30,7 +30,7 @@ from design.deployment.drive_file import controller_to_json
 from design.judging.known_range import excess_of, excess_to_json
 from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
-from design.validation import LONGER, PERIODS, Validation, sequence, validate
+from design.validation import LONGER_PERIODS, PERIODS, Validation, sequence, validate
 from design.wiping import wipe, wipe_to_json
 from models.controller import Controller, compensator_path, references
 from models.friction import Friction, branch
@@ -242,10 +242,10 @@ def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptio
     least_peak_thrust(machine.plant, machine.sample_time, _whole(machine, wanted), machine.specification.stroke)
     program = time.process_time() - begin
     seconds = {
-        "the validation": 2 * (PERIODS + sum(LONGER)) * samples * seconds_a_sample(machine),
+        "the validation": 2 * (PERIODS + sum(LONGER_PERIODS)) * samples * seconds_a_sample(machine),
         "the trade-off": 2 * count * program,
     }
-    foresee(seconds, max(LONGER) * samples * SIMULATED, options, progress)
+    foresee(seconds, max(LONGER_PERIODS) * samples * SIMULATED, options, progress)
 
 
 def _whole(machine: Machine, wanted: Mapping[str, Any]) -> float:

@@ -23,7 +23,7 @@ from studies.deadbeat_design.options import DeadbeatOptions
 
 PEAK: Final = 2.0  # bound on |S| of the feedback that is tried: what pid_tradeoff tunes for unless asked otherwise
 SOONER: Final = 0.75  # of the settling time of x_T*: when that of the one that is tried rests,
-ROOM: Final = 1.1  # but no sooner than this many times the shortest that the thrust allows
+MIN_SETTLING_RATIO: Final = 1.1  # but no sooner than this many times the shortest that the thrust allows
 # Share of the allowed machines on which a change that would do has to bring all motions in time.
 MIN_REMEDIED_SHARE: Final = 0.5
 
@@ -110,7 +110,7 @@ def _changes(
     if pid is not None:
         found.append(_with_feedback(_Change(*tuned, machine, written.controller), pid))
     gains = f"the gains that pid_tradeoff --ms {PEAK:g} reports, in [control.pid] of the machine file"
-    sooner = max(SOONER * wanted["settling_time_s"], ROOM * shortest)
+    sooner = max(SOONER * wanted["settling_time_s"], MIN_SETTLING_RATIO * shortest)
     count = round(sooner / machine.sample_time)
     if count < round(wanted["settling_time_s"] / machine.sample_time):
         time = count * machine.sample_time

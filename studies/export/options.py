@@ -8,7 +8,7 @@ from typing import Final
 
 from studies.options import BadInputError, Options, choice, flag, paths, quantity, whole
 
-TARGETS: Final = ("all", "c", "fmi3", "st", "matlab", "cia402")
+EXPORT_TARGETS: Final = ("all", "c", "fmi3", "st", "matlab", "cia402")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class ExportOptions(Options):
     target: str = choice(
         "what to write: C99, FMI 3.0 (not 2.0) FMUs of controller and plant, IEC 61131-3 structured text, MATLAB, or "
         "CiA 402 profiles for a drive that keeps its own cascade",
-        TARGETS,
+        EXPORT_TARGETS,
     )
     anti_windup: float | None = quantity(
         "s",

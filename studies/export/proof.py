@@ -43,7 +43,7 @@ SAME: Final = {
 }
 MOST_STEADY: Final = 7_200_000  # samples of motions without a reset, an hour at 2 kHz
 MOST_IN_OCTAVE: Final = 100_000  # samples, at some milliseconds each
-NAMES: Final = ("init", "reset", "wipe", "learn", "learned", "plan", "step", "selftest")
+FUNCTION_NAMES: Final = ("init", "reset", "wipe", "learn", "learned", "plan", "step", "selftest")
 
 
 def ulps(one: Array, two: Array) -> float:
@@ -248,7 +248,7 @@ def _in_fmu(folder: Path, known: Coefficients, law: Mapping[str, str], vectors: 
 
 def _long(folder: Path, machine: Machine, known: Coefficients, duration: float) -> dict[str, float]:
     """Single beside double precision for a duration [s], without the scale's rounding in the way; SI."""
-    renamed = [f"-Daxis_law_{name}=axis_single_{name}" for name in NAMES]
+    renamed = [f"-Daxis_law_{name}=axis_single_{name}" for name in FUNCTION_NAMES]
     compiled(folder, ("axis_law.c",), ("-O2", "-c", "-DAXIS_FLOAT", *renamed), "single.o")
     plant = (folder / "axis_plant.c").read_text(encoding="utf-8")
     resolution = machine.scale.resolution.hex()

@@ -21,7 +21,7 @@ from models.records.settling import settling_time
 from models.variation import drawn
 from studies.binomial import CONFIDENCE, interval
 from studies.export.compiling import compiled
-from studies.perturbed import FINE, TOGETHER, perturbations
+from studies.perturbed import STRICT_TOLERANCE_SHARE, TOGETHER, perturbations
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def on_tables(
     wanted, judged = machine.specification, sequence(machine, known.stroke, periods=PERIODS)
     goals = (
         (wanted.tolerance, wanted.settling_time),
-        (FINE * wanted.tolerance, wanted.reference_settling_time),
+        (STRICT_TOLERANCE_SHARE * wanted.tolerance, wanted.reference_settling_time),
     )
     compiled(folder, ("axis_law.c",), ("-O2", "-c"), "axis_law.o")
     slowest = np.zeros((count, 2))

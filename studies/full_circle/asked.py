@@ -19,7 +19,8 @@ from studies.folder import write_at_once
 Array = NDArray[np.float64]
 
 MOVED: Final = 1e-3  # of the way: from where on a reference counts as moving
-ALIKE: Final = 0.01  # of the way, or of the largest feedforward: by how much a run may depart from its table
+# Of the way, or of the largest feedforward: by how much a run may depart from its table.
+MAX_DEPARTURE_SHARE: Final = 0.01
 ENDS: Final = 0.02  # of a table that a record may lack at its end
 
 
@@ -66,7 +67,7 @@ def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
     """The table that a record is a run of, and the part of it that is that run, with the table's target; None where it
     is a run of none. A log may begin before the table does, and hold no target or feedforward."""
     found = [(distance, one, part) for one in tables if (part := _part(record, one)) for distance in [_off(part, one)]]
-    near = [row for row in found if row[0] <= ALIKE]
+    near = [row for row in found if row[0] <= MAX_DEPARTURE_SHARE]
     if not near:
         return None
     _, one, part = min(near, key=lambda row: row[0])
@@ -75,7 +76,7 @@ def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
 
 def alike(part: Record, one: Asked) -> bool:
     """Whether the reference of a record's part, and its feedforward where it has one, are those of a table as long."""
-    return _off(part, one) <= ALIKE
+    return _off(part, one) <= MAX_DEPARTURE_SHARE
 
 
 def _part(record: Record, one: Asked) -> Record | None:

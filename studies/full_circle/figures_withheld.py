@@ -14,7 +14,7 @@ from studies.full_circle.figures import draw_errors
 Results = Mapping[str, Any]
 
 DRAWN_ERRORS: Final = (("settling", "settling of the slowest motion"), ("dispersion", "3$\\sigma$"))
-WAYS: Final = (("after", "redesign"), ("refit", "re-fit only"), ("pid", "PID only"), ("learning", "ten rounds"))
+DRAWN_WAYS: Final = (("after", "redesign"), ("refit", "re-fit only"), ("pid", "PID only"), ("learning", "ten rounds"))
 
 
 def machines(whole: Results) -> Drawing:
@@ -51,7 +51,7 @@ def shares(whole: Results) -> Drawing:
     found = whole["results"]["shares"]
     figure, axes = style.subplots(1, 2, 55, sharey=True)
     for ax, (name, label) in zip(axes[0], DRAWN_ERRORS, strict=True):
-        for at, (way, _) in enumerate(WAYS):
+        for at, (way, _) in enumerate(DRAWN_WAYS):
             values = np.clip(found[way][name]["values"], -1.0, 1.5)
             spread = at + np.linspace(-0.15, 0.15, len(values)) if len(values) else np.zeros(0)
             ax.plot(values, spread, linestyle="none", marker=style.MARKERS[at], color=style.COLOURS[at], alpha=0.6)
@@ -63,7 +63,7 @@ def shares(whole: Results) -> Drawing:
         ax.set_xlim(-1.05, 1.55)
         ax.set_xlabel(f"share recovered of {label}")
         ax.grid(axis="y", visible=False)
-    axes[0, 0].set_yticks(range(len(WAYS)), [said for _, said in WAYS])
+    axes[0, 0].set_yticks(range(len(DRAWN_WAYS)), [said for _, said in DRAWN_WAYS])
     axes[0, 0].invert_yaxis()
     return figure
 

@@ -29,7 +29,7 @@ from models.quantity import show, span
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
-from studies.effort import ROOM, diagnosing, foresee, more_samples
+from studies.effort import LOG_LENGTH_RATIO, diagnosing, foresee, more_samples
 from studies.full_circle import asked, looked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
@@ -46,7 +46,7 @@ from studies.study import Answer, Progress
 
 RUNS: Final = 40  # machines that could be this one, on which each design is tried
 QUICK_RUNS: Final = 10  # of them in a quick run
-TOLD: Final = ("answer", "front", "verdict", "how_far")  # of a diagnosis
+TOLD_OF_DIAGNOSIS: Final = ("answer", "front", "verdict", "how_far")  # of a diagnosis
 OPEN: Final = ("ambiguous", "none_of_these")  # outcomes of a diagnosis that ask for another experiment
 STILL_OPEN: Final = "the experiment that was asked for left open what is wrong; this one excites nearly all"
 SAME_MODEL: Final = "the other designs are judged with the same model"
@@ -97,7 +97,7 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
         "quick": options.quick,
         "records": [_shown(one) for one in circle.given],
         "identified": known and {name: known[name] for name in ("estimates", "warnings", "said")},
-        "diagnosis": found and {name: found[name] for name in (*TOLD, "probabilities")},
+        "diagnosis": found and {name: found[name] for name in (*TOLD_OF_DIAGNOSIS, "probabilities")},
         "redesign": redesign["shown"],
         "pictures": _pictures(circle, redesign, judged),
         "verified": verified,
@@ -173,7 +173,7 @@ def _diagnosed(circle: Circle, identified: Machine) -> tuple[dict[str, Any] | No
         count = QUICK_RUNS if circle.options.quick else RUNS
         draws = [to_toml(one) for one in machines_allowed(found, count, circle.options.seed)]
         return {
-            **{name: answer.results[name] for name in (*TOLD, "next")},
+            **{name: answer.results[name] for name in (*TOLD_OF_DIAGNOSIS, "next")},
             "probabilities": {row["effect"]: row["probability"] for row in answer.results["which"]},
             "improved": answer.files["improved.toml"],
             "next_experiment": answer.files.get("next_experiment.csv"),
@@ -300,7 +300,7 @@ def _experiment(
 
 def _suite(circle: Circle) -> str:
     """The table of the suite, as long as the samples of the records beside it allow, but half of the usual ones."""
-    room = int((circle.options.most_samples - _held(circle)) / ROOM)
+    room = int((circle.options.most_samples - _held(circle)) / LOG_LENGTH_RATIO)
     most = min(max(room, SUITE_SAMPLES // 2), SUITE_SAMPLES)
     return to_csv(suite(circle.machine, most), circle.machine.sample_time)
 

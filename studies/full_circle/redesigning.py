@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from design.controller import waiting
 from design.deadbeat import DesignError
 from design.deployment.drive_file import controller_to_json
-from design.redesign.choice import UNITS, Chosen, chosen
+from design.redesign.choice import MEASURE_UNITS, Chosen, chosen
 from design.redesign.designs import Design, designed, in_place, retuned, retuned_alone
 from design.redesign.outcome import Outcome, judged_motions, judged_target
 from design.redesign.prediction import Interval, Prediction, moved_by, predicted
@@ -138,7 +138,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
                 "name": design.name,
                 "taken": design is taken.design,
                 "why_not": "" if design is old else taken.reasons.get(design.name, ""),
-                **{name: _interval(prediction.interval(name)) for name in UNITS},
+                **{name: _interval(prediction.interval(name)) for name in MEASURE_UNITS},
                 "saturated": prediction.saturated,
                 "notes": list(design.notes),
             }

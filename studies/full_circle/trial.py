@@ -22,8 +22,8 @@ from studies.gap_diagnosis.records import disabled
 from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
-DEFAULT: Final = 4
-QUICK: Final = 1
+DEFAULT_MACHINES: Final = 4
+QUICK_MACHINES: Final = 1
 GROUP, EACH = 8, 6  # of the drawn cases: neighbours are on so many machines, and so many of a group are on each
 SLOW_CASE: Final = 6  # a case of the default seed whose controller samples slowly, so that it is worked on fast
 MIN_JUDGED_MACHINES: Final = 30  # machines from which on the targets are checked
@@ -31,13 +31,13 @@ A_CASE: Final = 500.0  # s of one core
 QUICK_CASE: Final = 10.0
 MEMORY_BYTES: Final = 1.5e9  # that a trial holds
 SOURCE: Final = "what the circle is to reach"
-TOLD: Final = 10  # machines that are told as stories
+TOLD_MACHINES: Final = 10  # machines that are told as stories
 ACTIVE: Final = "active"
 GOALS: Final = {name: "redesign" if name == ACTIVE else "name" for name in policies.POLICIES}
 QUICKLY: Final = {ACTIVE: "refit"}
 SECONDS: Final = 60.0  # of machine time for a diagnosis, that of the first record included
 RECORDS: Final = 5  # for a diagnosis, the first one included
-TIMES: Final = tuple(float(second) for second in range(0, round(SECONDS) + 1, 5))  # s of the curve
+CURVE_TIMES_S: Final = tuple(float(second) for second in range(0, round(SECONDS) + 1, 5))  # s of the curve
 
 
 def compute(options: CircleOptions, progress: Progress) -> Answer:
@@ -47,7 +47,7 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
             raise BadInputError(f"--{name}: is for the records of one's own axis; give --records too, or leave it out")
     disabled(options.disable, default_machine())
     output = options.output or Path("reports/out/full_circle")
-    count = options.cases if options.cases is not None else QUICK if options.quick else DEFAULT
+    count = options.cases if options.cases is not None else QUICK_MACHINES if options.quick else DEFAULT_MACHINES
     cores = min(os.cpu_count() or 1, count)
     foresee(
         {f"{count} machines": count * (QUICK_CASE if options.quick else A_CASE) / cores},
@@ -101,7 +101,7 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         "rates": scoring.rates(done),
         "policies": told_of(found),
         "cases": [_row(one) for one in done],
-        "stories": [_story(one) for one in done[:TOLD]],
+        "stories": [_story(one) for one in done[:TOLD_MACHINES]],
         "enough": count >= MIN_JUDGED_MACHINES,
     }
     return Answer(results, tuple(_checks(results)), {}, _summary(results))
@@ -114,9 +114,9 @@ def answer_of(machine: str, policy: str) -> str:
 
 def told_of(found: Sequence[policies.Result]) -> dict[str, Any]:
     """By policy, its rates and the curve of right names over machine time [s]; empty without results."""
-    curves = policies.right_over_time(found, TIMES)
+    curves = policies.right_over_time(found, CURVE_TIMES_S)
     return {
-        "times_s": list(TIMES),
+        "times_s": list(CURVE_TIMES_S),
         "of": {
             name: {
                 "rates": {key: one.plain() for key, one in rates.items()},

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from design.redesign.choice import UNITS, WORSE, least, worse
+from design.redesign.choice import MEASURE_UNITS, WORSE, least, worse
 from design.redesign.designs import in_place
 from design.redesign.outcome import Outcome, judged_motions, outcome, tolerance_reached
 from models.machine import Machine
@@ -113,7 +113,7 @@ def _inside(after: Outcome, shown: Mapping[str, Any], machine: Machine) -> dict[
     slack = {"settling": machine.sample_time, "dispersion": 0.0}
     return {
         name: bool(row[name]["low"] - slack[name] <= getattr(after, name) <= row[name]["high"] + slack[name])
-        for name in UNITS
+        for name in MEASURE_UNITS
     }
 
 
@@ -122,7 +122,7 @@ def contradicting(before: Outcome, expected: Mapping[str, Any], machine: Machine
     expected: that design's row. What is off by no more than two records may be from each other (see `worse`) counts
     as inside."""
     found = []
-    for name, unit in UNITS.items():
+    for name, unit in MEASURE_UNITS.items():
         low, high, value = expected[name]["low"], expected[name]["high"], float(getattr(before, name))
         slack = least(machine)[name]
         if low / (1 + WORSE) - slack <= value <= high * (1 + WORSE) + slack:

@@ -15,7 +15,7 @@ import numpy as np
 
 from design.redesign.choice import worse
 from design.redesign.designs import Design, designed
-from design.redesign.learning_rounds import ROUNDS, corrected
+from design.redesign.learning_rounds import ROUND_COUNT, corrected
 from design.redesign.outcome import Outcome, judged_target, outcome
 from design.redesign.stated import machines_as_stated
 from diagnosis.diagnose import Diagnosis, diagnosed
@@ -129,7 +129,7 @@ def _redesigned(
     compared: dict[str, Any] = {}
     if beside:
         compared = _beside(work, as_was, within(now.refitted, limits, share), as_is)
-        compared["learning"] = redesigning.outcome_to_json(learned(work, old, first, ROUNDS))
+        compared["learning"] = redesigning.outcome_to_json(learned(work, old, first, ROUND_COUNT))
     return {
         "named": now.told,
         "redesign": redesigning.to_json(made),

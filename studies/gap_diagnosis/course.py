@@ -20,7 +20,7 @@ ASKED: Final = "asked"  # the folder of the records among the results
 COURSE: Final = MappingProxyType(
     {"outcome": str, "effects": list, "needed": int | float, "seconds": int | float, "reason": str, "looks": list}
 )
-LOOK: Final = MappingProxyType({"seconds": int | float, "why": str, "asked": str, "log10_e_value": int | float})
+LOOK_TYPES: Final = MappingProxyType({"seconds": int | float, "why": str, "asked": str, "log10_e_value": int | float})
 MAX_TOLD_DECADES: Final = 6.0  # powers of ten of an e-value that are not told any more
 
 
@@ -41,7 +41,8 @@ def _is_course(content: Any) -> TypeGuard[Course]:
     """Whether it has all that is told of a course and of each of its looks."""
     whole = isinstance(content, dict) and _are(content, COURSE)
     return whole and all(
-        isinstance(one, dict) and one.keys() >= {"failed", "after"} and _are(one, LOOK) for one in content["looks"]
+        isinstance(one, dict) and one.keys() >= {"failed", "after"} and _are(one, LOOK_TYPES)
+        for one in content["looks"]
     )
 
 

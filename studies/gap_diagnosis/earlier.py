@@ -19,7 +19,7 @@ from studies.manifest import ROOT, sha256
 from studies.options import BadInputError
 from studies.review.claims import Claim, GivenFile, read_claim, read_manifest
 
-STUDY: Final = "gap_diagnosis"
+STUDY_NAME: Final = "gap_diagnosis"
 LISTS: Final = ("column", "disable")
 """Options that add up with those of the earlier run."""
 TAKEN: Final = ("recipe", "trust_records", "quick", "seed", "most_samples")
@@ -38,8 +38,10 @@ class Earlier:
 def read(folder: Path) -> Earlier:
     """What an earlier diagnosis wrote. Raises BadInputError for a folder of something else."""
     claim = read_claim(read_manifest(folder, str(folder)), str(folder))
-    if claim.study.name != STUDY:
-        raise BadInputError(f"--continue {folder}: was not written by {STUDY}; give the --output folder of such a run")
+    if claim.study.name != STUDY_NAME:
+        raise BadInputError(
+            f"--continue {folder}: was not written by {STUDY_NAME}; give the --output folder of such a run"
+        )
     if not any(one.option == "record" for one in claim.files):
         raise BadInputError(
             f"--continue {folder}: diagnosed simulated records, which nothing can be added to; give records alone"

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from diagnosis.experiments.references import NAMES, axis_references
+from diagnosis.experiments.references import FILE_NAMES, axis_references
 from diagnosis.experiments.schedules import Schedule, to_csv
 from models.machine import Machine, to_json
 from models.quantity import show
@@ -26,7 +26,7 @@ def write(options: IdentificationOptions) -> int:
     Raises BadInputError for a machine file that can't be used and where other people's files are in the way.
     """
     assert options.write_references is not None
-    place = Place(options.write_references, WRITER, (*NAMES, "manifest.json"), overwrite=options.overwrite)
+    place = Place(options.write_references, WRITER, (*FILE_NAMES, "manifest.json"), overwrite=options.overwrite)
     require_free(place)
     machine, _ = machine_for(options)
     planned = axis_references(machine)
@@ -42,7 +42,7 @@ def write(options: IdentificationOptions) -> int:
     print(
         "check that these travels and forces are safe on your axis; record command and position beside the references"
     )
-    print("written:", *(str(place.folder / name) for name in (*NAMES, "manifest.json")))
+    print("written:", *(str(place.folder / name) for name in (*FILE_NAMES, "manifest.json")))
     return DONE
 
 

@@ -22,7 +22,7 @@ from studies.identify_machine import own_records
 
 Array = NDArray[np.float64]
 
-WITHIN: Final = 1.96  # Half width of a 95 % interval, in standard deviations.
+INTERVAL_STDS: Final = 1.96  # Half width of a 95 % interval, in standard deviations.
 
 
 def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str], None]) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def _summary(rows: dict[str, list[Array]], tables: int, missed: int) -> dict[str
     kinds = []
     for name, found in rows.items():
         errors = np.concatenate(found) if found else np.zeros(0)
-        inside = float(np.mean(np.abs(errors) < WITHIN)) if errors.size else 0.0
+        inside = float(np.mean(np.abs(errors) < INTERVAL_STDS)) if errors.size else 0.0
         kinds.append({"record": name, "intervals": int(errors.size), "coverage": inside, "errors": errors})
     every = np.concatenate([kind["errors"] for kind in kinds])
     return {
@@ -109,5 +109,5 @@ def _summary(rows: dict[str, list[Array]], tables: int, missed: int) -> dict[str
         "wrong_number": missed,
         "kinds": kinds,
         "intervals": int(every.size),
-        "coverage": float(np.mean(np.abs(every) < WITHIN)),
+        "coverage": float(np.mean(np.abs(every) < INTERVAL_STDS)),
     }

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from models.identification import inverse_dynamics, modes, motion
 from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
-from models.identification.into_machine import WAYS, Holdable
+from models.identification.into_machine import VISCOUS_DIRECTIONS, Holdable
 from models.identification.joint.fast_records import BY_DIRECTION, DYNAMICS, half_of
 from models.identification.joint.response_records import on_what_is_between
 from models.identification.joint.steps import Difference, Identified, MotionStep, Step, record_of
-from models.identification.modal.order import SAME, Order
+from models.identification.modal.order import SAME_MODE_DISTANCE, Order
 from models.identification.modal.remarks import ResponseStep, bent, on_refuted, on_turning
 from models.records.record import Record
 from studies.study import Check
@@ -26,7 +26,7 @@ from studies.study import Check
 Array = NDArray[np.float64]
 
 MAX_KEPT_SAMPLES: Final = 3000  # samples of a signal that are kept, for the figures
-LINES: Final = 1200  # of a frequency response that are kept, for the figure
+MAX_KEPT_LINES: Final = 1200  # of a frequency response that are kept, for the figure
 BY_CHANCE: Final = 1e-3  # The check of two records against each other fails so often although the model is right.
 # The machine file may have so many times the fit's held-out error, as its directional friction, in proportion to the
 # force, is an approximation.
@@ -139,7 +139,9 @@ def _response(gave: ResponseStep) -> dict[str, Any]:
         "used": fit.used,
     }
     size = measured.frequency.size  # thousands after one long sweep: as many are shown over a decade as over another
-    some = np.unique(np.geomspace(1, size, LINES).astype(int)) - 1 if size > LINES else np.arange(size)
+    some = (
+        np.unique(np.geomspace(1, size, MAX_KEPT_LINES).astype(int)) - 1 if size > MAX_KEPT_LINES else np.arange(size)
+    )
     return {
         **{name: values[some] for name, values in lines.items()},
         "lowest_Hz": float(measured.frequency[fit.used][0]),
@@ -167,7 +169,7 @@ def _order(fit: modes.Fit, order: Order) -> dict[str, Any]:
         "frequency_Hz": order.triples[:, 1],
         "damping": order.triples[:, 2],
         "faults": list(order.faults),
-        "kept": [bool(np.any(np.abs(kept / f - 1) < SAME)) for f in order.triples[:, 1]],
+        "kept": [bool(np.any(np.abs(kept / f - 1) < SAME_MODE_DISTANCE)) for f in order.triples[:, 1]],
     }
 
 
@@ -240,7 +242,7 @@ def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
 def _over_speed(fit: ForceFit) -> dict[str, Any]:
     """All force but inertia [N] over speed, at the samples kept: measured and fitted."""
     speed = np.gradient(fit.path, fit.time)
-    ahead, back = (fit.estimate.value(name) for name in WAYS)
+    ahead, back = (fit.estimate.value(name) for name in VISCOUS_DIRECTIONS)
     friction = fit.rolling + np.where(speed > 0, ahead, back) * speed + fit.estimate.value("offset")
     every = max(fit.time.size // MAX_KEPT_SAMPLES, 1)
     measured = fit.measured - fit.modelled + friction

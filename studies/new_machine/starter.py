@@ -26,9 +26,9 @@ from studies.new_machine.answers import ANSWERS, OPTIONAL
 from studies.options import BadInputError
 
 DEAD_TIME: Final = 1.5  # sample times: one until the command is out, half of one for the hold
-ELEMENTS: Final = 5
+ELEMENT_COUNT: Final = 5
 AUTOMATIC: Final = "assumed: chosen by the study, the fewest with which the design meets its specification"
-OFFSET: Final = "assumed: 1/750 of the rated thrust, at most 5 % of the friction"
+OFFSET_SOURCE: Final = "assumed: 1/750 of the rated thrust, at most 5 % of the friction"
 FINEST: Final = 1 / 20  # of the presliding distance: the limit of the first element
 CLOSED_LOOP: Final = 2.0  # time constant of the loop, in dead times: twice the tight setting of Skogestad's rule
 AT_REST: Final = 0.8  # of the settling time: when x_T* rests on the target
@@ -114,8 +114,8 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
     interval = min(INTERVAL * settling, MAX_INTERVAL_SAMPLES * ts)
     plant = Plant(numbers["dead_time"], 1.0, (Mode(1 / numbers["mass"], 0.0, 0.0),))
     pid = simc(plant, ts, CLOSED_LOOP * (plant.dead_time + ts / 2), 0.0)
-    limits = np.geomspace(FINEST * numbers["presliding"], numbers["presliding"], ELEMENTS)
-    stiffness = numbers["friction_force"] / ELEMENTS / limits
+    limits = np.geomspace(FINEST * numbers["presliding"], numbers["presliding"], ELEMENT_COUNT)
+    stiffness = numbers["friction_force"] / ELEMENT_COUNT / limits
     axis = _axis(answers)
     kind = "" if axis == AXES[0] else f'axis = "{axis}"\n'
     angle, torque = (rotary(unit) if kind else unit for unit in ("m", "N"))
@@ -134,7 +134,7 @@ def _text(answers: Mapping[str, str], numbers: Mapping[str, float], name: str) -
     delay = given("dead_time") if "dead_time" in answers else number(numbers["dead_time"], "s", "assumed: 1.5 T_s")
     late = delay_split(numbers["dead_time"], ts)[0]
     rule = "derived: Skogestad's rule for the mass and the dead time"
-    share = f"{ELEMENTS} elements of equal force"
+    share = f"{ELEMENT_COUNT} elements of equal force"
     return f"""\
 # A machine file to begin with. Every value is text with a unit and states its source: "given" came from you, "derived"
 # follows from it, "assumed" is a guess to be replaced. Records of the axis replace most of them:
@@ -164,11 +164,11 @@ damping = {_entry(_quoted("0"), "given: a rigid body")}
 [friction] # elements in parallel: springs that slip at their limit; slow loops on the axis identify them
 limit = {each(limits, "m", f"assumed: {share} up to --presliding {answers['presliding']}")}
 stiffness = {each(stiffness, "N/m", f"assumed: {share}, --friction-force {answers['friction_force']} together")}
-damping = {each(np.zeros(ELEMENTS), "N s/m", "assumed: friction that does not depend on speed")}
+damping = {each(np.zeros(ELEMENT_COUNT), "N s/m", "assumed: friction that does not depend on speed")}
 
 [tolerance] # how well values are known, as standard deviations; of the others it is usual to state none
 dead_time = {number(usual_delay(ts), "s", "assumed: 4 % of the sample time")}
-offset = {number(usual_offset(numbers["rated_thrust"], numbers["friction_force"]), "N", OFFSET)}
+offset = {number(usual_offset(numbers["rated_thrust"], numbers["friction_force"]), "N", OFFSET_SOURCE)}
 
 [control]
 sample_time = {given("sample_time")}

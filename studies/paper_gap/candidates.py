@@ -31,11 +31,11 @@ BESIDE_FRICTION: Final = 0.3  # The same, where a friction is wrong beside anoth
 MASS_BOUND: Final = 20.0
 BOUND: Final = 8.0
 SMALLEST: Final = 20.0  # An RFM's smallest limit is at most so many times the friction's,
-LARGEST: Final = 0.25  # its largest at least this share of the friction's,
+MIN_LARGEST_SHARE: Final = 0.25  # its largest at least this share of the friction's,
 END: Final = 0.1  # and the part of the curve that it is fitted to at least this share.
 
 COMPENSATOR, PARAMETERS, EFFECTS = "compensator", "parameters", "effects"
-KINDS: Final = (COMPENSATOR, PARAMETERS, EFFECTS)
+CANDIDATE_KINDS: Final = (COMPENSATOR, PARAMETERS, EFFECTS)
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """One of KINDS."""
-        return self.family if self.family in KINDS else EFFECTS
+        """One of CANDIDATE_KINDS."""
+        return self.family if self.family in CANDIDATE_KINDS else EFFECTS
 
     def values(self, u: Sequence[float]) -> Values:
         """The numbers (SI) at a point u (k,) of the unit cube."""
@@ -229,7 +229,7 @@ def _all_parameters(single: Sequence[Candidate]) -> Candidate:
 def _of_compensators() -> tuple[Candidate, ...]:
     """Designs of the RFM other than this project's, for a friction that is known exactly."""
     spacing = Range("spacing", "1", 0.0, 1.0, logarithmic=False)
-    smallest, largest = Range("smallest", "1", 1.0, SMALLEST), Range("largest", "1", LARGEST, 1.0)
+    smallest, largest = Range("smallest", "1", 1.0, SMALLEST), Range("largest", "1", MIN_LARGEST_SHARE, 1.0)
     points, end = Range("points", "1", 0.0, 1.0, logarithmic=False), Range("end", "1", END, 1.0)
     slopes = Range("slopes", "1", 0.0, 1.0, logarithmic=False)
 

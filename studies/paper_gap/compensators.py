@@ -19,7 +19,7 @@ from models.machine import Machine
 
 Array = NDArray[np.float64]
 
-POINTS: Final = 400  # of the curve that is fitted
+CURVE_POINTS: Final = 400  # of the curve that is fitted
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def compensator(machine: Machine, friction: Friction, design: Design) -> Frictio
     limits, count = with_force(friction).limit, design.count or number(machine)
     low, high = min(limits), max(limits)
     x = spaced(design.smallest * low, design.largest * high, count, design.spacing)
-    s = spaced(low / 2, 2 * high * design.end, POINTS, design.points)
+    s = spaced(low / 2, 2 * high * design.end, CURVE_POINTS, design.points)
     force = (1 - design.slopes) * branch(friction, s) + design.slopes * two_slopes(machine, s)
     return fit_elements(x, s, force, friction.coulomb_force)
 

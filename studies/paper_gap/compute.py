@@ -47,7 +47,7 @@ from studies.paper_gap.hanging import hanging
 from studies.paper_gap.likelihood import evidence
 from studies.paper_gap.options import PaperOptions
 from studies.paper_gap.pattern import (
-    COARSE,
+    COARSE_SUBSTEPS,
     CONVERGED,
     MAX_DISTANCE_STEPS,
     PERIODS,
@@ -65,11 +65,11 @@ from studies.wording import effect
 Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
 
-TABLES: Final = 60
-QUICK: Final = 3
+TABLE_COUNT: Final = 60
+QUICK_TABLES: Final = 3
 EFFECT: Final = 1.6  # A simulation with an effect takes so many times as long as one without.
 STAYS: Final = 0.8  # The least share of draws that show the pattern at a finer step too: some lie at its edge.
-TOLD: Final = 0.9  # The least share of pairs of candidates that the experiments should discriminate.
+MIN_DISCRIMINATED_SHARE: Final = 0.9  # The least share of pairs of candidates that the experiments should discriminate.
 
 
 def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answer:
@@ -110,9 +110,9 @@ def compute(machine: Machine, options: PaperOptions, progress: Progress) -> Answ
             "periods": PERIODS,
             "seconds": sequence(machine, periods=PERIODS).size * machine.sample_time,
             "most": BEYOND_PRIOR_RATIO,
-            "fine": shown.FINE / CONVERGED,
+            "fine": shown.FINE_SUBSTEPS / CONVERGED,
             "near_steps": MAX_DISTANCE_STEPS,
-            "substeps": [COARSE, CONVERGED, shown.FINE],
+            "substeps": [COARSE_SUBSTEPS, CONVERGED, shown.FINE_SUBSTEPS],
         },
         "priors": {"friction": FRICTION, "beside": BESIDE_FRICTION, "bound": BOUND, "mass_bound": MASS_BOUND},
         "evidence": evidence(explored, share, options.seed),
@@ -170,7 +170,7 @@ def _tables(machine: Machine, options: PaperOptions) -> list[Table]:
         members: Sequence[Machine] = (machine,) if alone else load_ensemble(options.ensemble or ENSEMBLE)
     except MachineError as error:
         raise BadInputError(f"--ensemble {error}") from error
-    chosen = spread(members, machine, options.tables or (QUICK if options.quick else TABLES))
+    chosen = spread(members, machine, options.tables or (QUICK_TABLES if options.quick else TABLE_COUNT))
     require_members(() if alone else chosen)
     try:
         return [(one, paper_controller(one)) for one in chosen]
@@ -196,12 +196,16 @@ def spread(members: Sequence[Machine], machine: Machine, count: int) -> list[Mac
 
 
 def _effort(tables: int, *, quick: bool) -> Effort:
-    return Effort(max(tables, QUICK), 1, 1, 0) if quick else Effort(4 * max(tables, QUICK), 6, 3, len(SEARCH_STEPS))
+    return (
+        Effort(max(tables, QUICK_TABLES), 1, 1, 0)
+        if quick
+        else Effort(4 * max(tables, QUICK_TABLES), 6, 3, len(SEARCH_STEPS))
+    )
 
 
 def _of_search(effort: Effort) -> Effort:
     """Beside a wrong friction and beyond its range a candidate is only searched for: a quarter of the draws."""
-    return replace(effort, draws=max(effort.draws // 4, QUICK))
+    return replace(effort, draws=max(effort.draws // 4, QUICK_TABLES))
 
 
 def _consistent(chosen: shown.Chosen) -> list[Draw]:
@@ -217,7 +221,7 @@ def _designs(tables: Sequence[Table], pattern: Pattern, *, quick: bool) -> list[
     for i, one in enumerate(named(machines[0])):
         rfms = [of_name(machine, named(machine)[i]) for machine in machines]
         laws = [with_compensator(controller, rfm) for (_, controller), rfm in zip(some, rfms, strict=True)]
-        substeps = COARSE if quick else CONVERGED
+        substeps = COARSE_SUBSTEPS if quick else CONVERGED
         validations = validate_many(machines, laws, periods=PERIODS, reading="scale", substeps=substeps)
         outcomes = [outcome_of(validation) for validation in validations]
         errors = [slope_error(machine, rfm) for machine, rfm in zip(machines, rfms, strict=True)]
@@ -315,7 +319,7 @@ def _checks(results: Mapping[str, Any]) -> tuple[Check, ...]:
     return (
         Check("tables that show the pattern without anything added", bare, "1", 0, "what there is to explain"),
         Check(
-            f"share of what shows the pattern that does at {shown.FINE} substeps a sample, too",
+            f"share of what shows the pattern that does at {shown.FINE_SUBSTEPS} substeps a sample, too",
             float(np.mean(again)) if again else 1.0,
             "1",
             STAYS,
@@ -326,7 +330,7 @@ def _checks(results: Mapping[str, Any]) -> tuple[Check, ...]:
             "pairs of candidates that two experiments tell apart",
             told / decided["pairs"] if decided["pairs"] else 1.0,
             "1",
-            TOLD,
+            MIN_DISCRIMINATED_SHARE,
             "aim of this study",
             ">=",
         ),
@@ -334,7 +338,7 @@ def _checks(results: Mapping[str, Any]) -> tuple[Check, ...]:
             "causes that exchanging the compensator tells apart",
             exchange["right"] / exchange["of"] if exchange["of"] else 1.0,
             "1",
-            TOLD,
+            MIN_DISCRIMINATED_SHARE,
             "aim of this study",
             ">=",
         ),

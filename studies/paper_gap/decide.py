@@ -13,7 +13,7 @@ from studies.paper_gap.experiments import Experiment
 
 Array = NDArray[np.float64]
 
-APART: Final = 2.0  # steps: two candidates are discriminated if their ranges are this far apart
+MIN_DISCRIMINATING_STEPS: Final = 2.0  # steps: two candidates are discriminated if their ranges are this far apart
 
 Measured = Mapping[str, Sequence[Sequence[Sequence[float]]]]
 """By candidate, tuned draw, experiment and observable: steps."""
@@ -28,8 +28,9 @@ def gap(first: Array, second: Array) -> Array:
 def decide(experiments: Sequence[Experiment], measured: Measured) -> dict[str, Any]:
     """The pairs that each experiment discriminates, the most discriminating experiment, and what a second one adds.
 
-    A pair of candidates is discriminated if some observable's ranges are APART or more. The experiment's `best`
-    observable discriminates the most pairs and, among equals, has the largest gap between two of them.
+    A pair of candidates is discriminated if some observable's ranges are MIN_DISCRIMINATING_STEPS or more. The
+    experiment's `best` observable discriminates the most pairs and, among equals, has the largest gap between two of
+    them.
     """
     names = list(measured)
     pairs = list(combinations(names, 2))
@@ -39,14 +40,14 @@ def decide(experiments: Sequence[Experiment], measured: Measured) -> dict[str, A
         )
         for i, experiment in enumerate(experiments)
     ]  # of each experiment (pairs, observables)
-    told = [np.any(one >= APART, axis=1) for one in gaps]
+    told = [np.any(one >= MIN_DISCRIMINATING_STEPS, axis=1) for one in gaps]
     rows = [_row(experiment, gaps[i], told[i], measured, i) for i, experiment in enumerate(experiments)]
     first = int(np.argmax([np.sum(one) for one in told]))
     others = [i for i in range(len(told)) if i != first]
     second = max(others, key=lambda i: (np.sum(told[i] & ~told[first]), np.sum(told[i])))
     left = ~(told[first] | told[second])
     return {
-        "apart_steps": APART,
+        "apart_steps": MIN_DISCRIMINATING_STEPS,
         "pairs": len(pairs),
         "experiments": rows,
         "first": first,
@@ -59,7 +60,9 @@ def decide(experiments: Sequence[Experiment], measured: Measured) -> dict[str, A
 
 def _row(experiment: Experiment, gaps: Array, told: NDArray[np.bool_], measured: Measured, at: int) -> dict[str, Any]:
     if gaps.size:
-        best = max(range(gaps.shape[1]), key=lambda j: (np.sum(gaps[:, j] >= APART), np.max(gaps[:, j])))
+        best = max(
+            range(gaps.shape[1]), key=lambda j: (np.sum(gaps[:, j] >= MIN_DISCRIMINATING_STEPS), np.max(gaps[:, j]))
+        )
     else:
         best = 0
     return {
@@ -67,7 +70,7 @@ def _row(experiment: Experiment, gaps: Array, told: NDArray[np.bool_], measured:
         "words": experiment.words,
         "observables": [one.name for one in experiment.observables],
         "units": [one.unit for one in experiment.observables],
-        "pairs_by_observable": np.sum(gaps >= APART, axis=0),
+        "pairs_by_observable": np.sum(gaps >= MIN_DISCRIMINATING_STEPS, axis=0),
         "pairs": int(np.sum(told)),
         "best": best,
         "largest_gap_steps": float(np.max(gaps[:, best], initial=0.0)),

@@ -28,7 +28,7 @@ from studies.paper_gap.candidates import (
     wrong_friction,
 )
 from studies.paper_gap.compensators import slope_error
-from studies.paper_gap.pattern import COARSE, CONVERGED, Outcome, Pattern, by_scale, outcome_of
+from studies.paper_gap.pattern import COARSE_SUBSTEPS, CONVERGED, Outcome, Pattern, by_scale, outcome_of
 
 SEARCH_STEPS: Final = (0.15, 0.08, 0.03)  # Step of each round of the local search, as a fraction of the cube.
 BEYOND_PRIOR_RATIO: Final = 10.0  # "Beyond" extends to this multiple of a prior's end.
@@ -109,7 +109,7 @@ def rest(machine: Machine, point: Sequence[float]) -> int:
     return int(point[-1] * machine.specification.interval / machine.sample_time)
 
 
-def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE) -> Validation:
+def simulated(table: Table, case: Case, point: Sequence[float], substeps: int = COARSE_SUBSTEPS) -> Validation:
     """The sequence, by the scale, of a table with a case at a point (k + 1,); substeps in a sample."""
     one = case.candidate()
     machine, controller = one.put(table, one.values(point[:-1]))
@@ -124,7 +124,8 @@ def without_compensation(table: Table, case: Case, point: Sequence[float]) -> Ou
 
 
 def draw(tables: Sequence[Table], case: Case, pattern: Pattern, place: Place, found: bool) -> Draw:
-    """The outcome of a case at a place: at COARSE substeps where it is far from what was published, else CONVERGED."""
+    """The outcome of a case at a place: at COARSE_SUBSTEPS substeps where it is far from what was published, else
+    CONVERGED."""
     table, point = place
     outcome = outcome_of(simulated(tables[table], case, point))
     if pattern.near(outcome):

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import scipy
 
-from studies.paper_gap.candidates import KINDS
+from studies.paper_gap.candidates import CANDIDATE_KINDS
 from studies.paper_gap.explore import ALONE, Case, Draw
 
 SAMPLES: Final = 20_000  # of the shares, for the intervals of the odds
@@ -33,7 +33,7 @@ def evidence(explored: Mapping[str, Mapping[str, Sequence[Draw]]], share: float,
 
     share [1]: largest relative error of figures without compensation and of the RFM's slopes that agrees.
     """
-    kinds = {kind: _of_kind(kind, explored, share) for kind in KINDS}
+    kinds = {kind: _of_kind(kind, explored, share) for kind in CANDIDATE_KINDS}
     return {
         "share": share,
         "kinds": kinds,

@@ -18,7 +18,7 @@ from models.machine import Machine
 
 Array = NDArray[np.float64]
 
-COARSE: Final = 10  # substeps in a sample, of most outcomes;
+COARSE_SUBSTEPS: Final = 10  # substeps in a sample, of most outcomes;
 CONVERGED: Final = 40  # of those that come within MAX_DISTANCE_STEPS of what was published, which alone are counted
 MAX_DISTANCE_STEPS: Final = 3.0  # steps of the scale
 PERIODS: Final = 2  # of the sequence; the last one is judged
@@ -82,7 +82,7 @@ class Outcome:
         }
 
 
-def by_scale(machine: Machine, controller: Controller, lead: int = 0, substeps: int = COARSE) -> Validation:
+def by_scale(machine: Machine, controller: Controller, lead: int = 0, substeps: int = COARSE_SUBSTEPS) -> Validation:
     """The sequence on the nonsmooth machine with its effects, as the scale shows it; `lead`, `substeps` in samples."""
     return validate(machine, controller, periods=PERIODS, reading="scale", lead=lead, substeps=substeps)
 

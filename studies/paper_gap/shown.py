@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Explored = Mapping[str, Mapping[str, Sequence[Draw]]]
 Chosen = Mapping[str, Sequence[Draw]]
 
-FINE: Final = 160  # Substeps in a sample for the repeated simulation of draws that show the pattern.
+FINE_SUBSTEPS: Final = 160  # Substeps in a sample for the repeated simulation of draws that show the pattern.
 TUNED: Final = 3  # Sizes of each candidate that are examined.
 # The least number of candidates examined; if fewer show the pattern, the nearest others are added.
 MIN_EXAMINED: Final = 4
@@ -49,7 +49,7 @@ def choose(explored: Explored, order: Sequence[str]) -> Chosen:
 
 
 def again(tables: Sequence[Table], chosen: Chosen, pattern: Pattern, pool: Executor | None) -> list[dict[str, Any]]:
-    """Every chosen size at FINE substeps, and without compensation, as results.json holds it."""
+    """Every chosen size at FINE_SUBSTEPS substeps, and without compensation, as results.json holds it."""
     draws = [one for its in chosen.values() for one in its]
     mapped = (pool.map if pool else map)(_again, ((tables[one.table], one) for one in draws))
     return [
@@ -91,7 +91,7 @@ def kept(again: Sequence[Mapping[str, Any]], share: float) -> dict[str, Any]:
 
 def _again(given: tuple[Table, Draw]) -> tuple[Outcome, Outcome]:
     table, one = given
-    fine = simulated(table, one.case, one.point, FINE)
+    fine = simulated(table, one.case, one.point, FINE_SUBSTEPS)
     return outcome_of(fine), without_compensation(table, one.case, one.point)
 
 

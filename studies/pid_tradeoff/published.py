@@ -30,7 +30,7 @@ from models.controller import PID
 FIRST: Final = "Åström, Panagopoulos and Hägglund, Automatica 34 (1998), 585–601"
 SECOND: Final = "Åström and Hägglund, J. Process Control 14 (2004), 635–650"
 TOLERANCE: Final = 1e-5
-STEP: Final = 1.02  # Factor by which the derivative gain grows until L touches the circle a second time.
+GAIN_FACTOR: Final = 1.02  # Factor by which the derivative gain grows until L touches the circle a second time.
 TOUCHES: Final = 1e-4  # A second maximum of |S| within this fraction of the bound touches it.
 LINEAR_APPROACH_DISTANCE: Final = 0.01  # One within this fraction approaches the bound linearly.
 
@@ -124,7 +124,7 @@ def _touching_once(problem: Problem, bounds: Bounds, start: PID) -> PID:
     gains: list[float] = []
     left: list[float] = []
     while not left or left[-1] > TOUCHES:
-        pid = at(pid.kd * STEP, pid)
+        pid = at(pid.kd * GAIN_FACTOR, pid)
         gains.append(pid.kd)
         left.append(1 - _second_maximum(problem, pid) / bounds.ms)
     line = [i for i, distance in enumerate(left) if TOUCHES < distance < LINEAR_APPROACH_DISTANCE]

@@ -27,14 +27,14 @@ from studies.response_variation.tables import COORDINATES, coordinates, spread
 
 Array = NDArray[np.float64]
 
-KEPT: Final = Path(__file__).parent / "conventions.toml"
-TABLES: Final = 40  # of each other convention
+CONVENTIONS_FILE: Final = Path(__file__).parent / "conventions.toml"
+OTHER_TABLE_COUNT: Final = 40  # of each other convention
 SEARCH_MEMBERS: Final = 80  # by their search from step to step
 
 RANGED: Final = ("mass", "kp", "ki", "kd")
 CHOSEN_DIVISOR: Final = tuple(Convention(objective, monotone) for objective, monotone in FEEDFORWARDS)
 SEARCHED: Final = (*CHOSEN_DIVISOR[1:], Convention(one_less=True))
-QUICK: Final = 2  # tables of each that a quick run simulates
+QUICK_TABLES_EACH: Final = 2  # tables of each that a quick run simulates
 
 
 def alternatives(
@@ -45,7 +45,7 @@ def alternatives(
     members: of the set; shown: those of them that are simulated; text: of conventions.toml, None for the kept one,
     which is of the paper's table.
     """
-    content = KEPT.read_text(encoding="utf-8") if text is None else text
+    content = CONVENTIONS_FILE.read_text(encoding="utf-8") if text is None else text
     found = [_of_set(machine, convention, points, quick=quick) for convention, points in kept(content)]
     feedforwards = {one.words: _feedforward(machine, shown, one) for one in CHOSEN_DIVISOR}
     ranges = [coordinates(one) for one in members], [one["coordinates"] for one in found]
@@ -86,7 +86,7 @@ def searched(machine: Machine, seed: int, *, workers: int, tell: Callable[[float
 
         try:
             members = search(
-                machine, TABLES, seed, workers=workers, tell=part, convention=convention, held=SEARCH_MEMBERS
+                machine, OTHER_TABLE_COUNT, seed, workers=workers, tell=part, convention=convention, held=SEARCH_MEMBERS
             )
         except SearchError:  # no table is the paper's by this convention
             members = ()
@@ -112,7 +112,7 @@ def to_text(convention: Convention, points: Sequence[Array]) -> str:
 def _of_set(machine: Machine, convention: Convention, points: Array, *, quick: bool) -> dict[str, Any]:
     """A kept set: the words of its convention, its tables' parameters, and how far they are from the paper [1]."""
     tables = [table(machine, point) for point in points]
-    some = tables[:QUICK] if quick else tables
+    some = tables[:QUICK_TABLES_EACH] if quick else tables
     validations = validate_many(some, [bare(one, convention) for one in some])
     off = [distance(one, without, convention) for one, without in zip(some, validations, strict=True)]
     points_of = np.array([coordinates(one) for one in tables]).reshape(-1, len(COORDINATES))

@@ -42,7 +42,7 @@ LEAST_ELEMENTS: Final = 3  # of friction: two whose forces have a trend in Regio
 MIN_TABLES: Final = 50  # tables that the set should have
 SEARCHED: Final = 2000  # tables that a search simulates, about
 EXCHANGE: Final = 7  # periods in the exchange of a table's histories
-QUICK: Final = 6  # of them that a quick run simulates
+QUICK_TABLES: Final = 6  # of them that a quick run simulates
 QUICK_OTHER_TABLES: Final = 2  # of these under other conventions
 SECONDS: Final = {
     "search": 50.0,
@@ -52,7 +52,7 @@ SECONDS: Final = {
     "conventions": 20.0,
     "report": 4.0,
 }
-AGAIN: Final = 450.0  # of them for new searches under the other conventions
+NEW_SEARCHES_S: Final = 450.0  # of them for new searches under the other conventions
 
 
 def compute(machine: Machine, options: VariationOptions, progress: Progress) -> Answer:
@@ -75,7 +75,7 @@ def compute(machine: Machine, options: VariationOptions, progress: Progress) -> 
     tell = _Steps(options, progress)
     tell("search", 0.0, "collecting the tables")
     members = _searched(machine, options, tell) if options.search else _kept(machine, options)
-    shown = members[:QUICK] if options.quick and not options.search else members
+    shown = members[:QUICK_TABLES] if options.quick and not options.search else members
     tell("simulate", 0.0, f"simulating {_count(len(shown) + 1, 'table')} over the sequence")
     central, tables = _simulated([machine])[0], _simulated(shown)
     tell("exchange", 0.0, "exchanging the friction's history between reversal and inching")
@@ -150,7 +150,7 @@ class _Steps:
         if not options.search:
             lasts["search"] = 0.1
         if options.conventions:
-            lasts["conventions"] += AGAIN
+            lasts["conventions"] += NEW_SEARCHES_S
         if options.quick:
             lasts["choice"] /= 4
             lasts["conventions"] /= 4

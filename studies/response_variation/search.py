@@ -41,8 +41,8 @@ FREQUENCIES: Final = 400  # at which |S| of a table is looked at, evenly spread 
 POPULATION: Final = 160
 BATCH: Final = 64
 EMPTY: Final = 20  # So many batches without a table of the set end a search: each held some for the paper's table.
-COARSE: Final = 10  # substeps in a sample of the search
-FINE: Final = 40  # of its verification
+COARSE_SUBSTEPS: Final = 10  # substeps in a sample of the search
+FINE_SUBSTEPS: Final = 40  # of its verification
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,7 @@ def _evaluated(
 ) -> list[Member]:
     """The admissible points as members; `heard` receives their growing number."""
     members: list[Member] = []
-    for part in _by_parts(base, drawn, convention, pool, COARSE):
+    for part in _by_parts(base, drawn, convention, pool, COARSE_SUBSTEPS):
         members += [member for member in part if math.isfinite(member.distance)]
         if heard is not None:
             heard(len(members))
@@ -309,16 +309,19 @@ def _verified(
     pool: ProcessPoolExecutor,
     tell: Callable[[float, str], None],
 ) -> list[Member]:
-    """The members that are within the tolerance at FINE substeps too, so that none owes it to a simulation error, and
-    whose Ms is within LARGEST_MS between the frequencies of the screening, too.
+    """The members that are within the tolerance at FINE_SUBSTEPS substeps too, so that none owes it to a simulation
+    error, and whose Ms is within LARGEST_MS between the frequencies of the screening, too.
     """
     fine: list[Member] = []
     population = [member for member in population if exact_sensitivity(member.machine) <= LARGEST_MS]
     points = [member.theta for member in population]
-    tell(0.8, f"verifying {len(points)} tables at {FINE} substeps")
-    for part in _by_parts(base, points, convention, pool, FINE):
+    tell(0.8, f"verifying {len(points)} tables at {FINE_SUBSTEPS} substeps")
+    for part in _by_parts(base, points, convention, pool, FINE_SUBSTEPS):
         fine += part
-        tell(0.8 + 0.2 * len(fine) / len(points), f"verified {len(fine)} of {len(points)} tables at {FINE} substeps")
+        tell(
+            0.8 + 0.2 * len(fine) / len(points),
+            f"verified {len(fine)} of {len(points)} tables at {FINE_SUBSTEPS} substeps",
+        )
     within = {tuple(one.theta) for one in fine if one.distance <= 1}
     return [member for member in population if tuple(member.theta) in within]
 
@@ -327,7 +330,7 @@ def _by_parts(
     base: Machine, points: list[Array], convention: Convention, pool: ProcessPoolExecutor, substeps: int
 ) -> Iterator[list[Member]]:
     """The points evaluated by the pool, in order: in batches, smaller where each point takes longer."""
-    size = max(BATCH * COARSE // (2 * substeps), 1)
+    size = max(BATCH * COARSE_SUBSTEPS // (2 * substeps), 1)
     parts = [points[i : i + size] for i in range(0, len(points), size)]
     yield from pool.map(evaluate, [base] * len(parts), parts, [substeps] * len(parts), [convention] * len(parts))
 

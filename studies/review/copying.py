@@ -18,7 +18,7 @@ FILES: Final = 2000
 DEPTH: Final = 4  # folders within folders
 FILE_SIZE: Final = 64 << 20  # bytes; the largest file that a study writes has a few of them
 WHOLE_SIZE: Final = 512 << 20  # bytes
-CHUNK: Final = 1 << 20  # bytes
+CHUNK_BYTES: Final = 1 << 20  # bytes
 KINDS: Final = (
     (stat.S_ISLNK, "a link"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -104,7 +104,7 @@ class _Copy:
             target, size = self._place / name, 0
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as copy:
-                while part := source.read(CHUNK):
+                while part := source.read(CHUNK_BYTES):
                     size += len(part)
                     if size > min(FILE_SIZE, self._left):
                         raise self._refused(

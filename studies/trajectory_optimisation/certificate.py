@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 RATIOS: Final = (0.3, 0.1, 0.03, 0.01, 0.003)
 SUBSTEP_COUNTS: Final = (2, 4, 8, 16)  # substeps of a sample; two, as the thrust changes within it
-FINE: Final = 160
+FINE_SUBSTEPS: Final = 160
 PATH_STEP_DECADES: Final = (-3.0, -1.3)  # decades of a random path's steps [1, of the longest limit]
 SETTLED: Final = 1.2  # settling times of the loop's response that are compared
 
@@ -60,11 +60,12 @@ def certify(machine: Machine, motion: Trajectory, seed: int, *, quick: bool) -> 
 def held(machine: Machine, given: References, target: Array) -> dict[str, Any]:
     """The error [m] of the response to given references due to friction once a sample, and its order in the substep.
 
-    Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of SUBSTEP_COUNTS, against FINE of them.
+    Nonsmooth, by the simulator with ever shorter substeps; `left_m` at those of SUBSTEP_COUNTS, against FINE_SUBSTEPS
+    of them.
     """
     exact = replace(machine, scale=replace(machine.scale, resolution=0.0, noise=0.0))
     law = feedback_alone(machine)
-    best = simulate(exact, law, target, given=given, substeps=FINE).position
+    best = simulate(exact, law, target, given=given, substeps=FINE_SUBSTEPS).position
     left = [
         float(np.max(np.abs(simulate(exact, law, target, given=given, substeps=n).position - best)))
         for n in SUBSTEP_COUNTS

@@ -35,7 +35,7 @@ from studies.beforehand import require_designable, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
 from studies.options import BadInputError
-from studies.perturbed import FINE, MODE_RANGE, RANGE
+from studies.perturbed import MODE_RANGE, RANGE, STRICT_TOLERANCE_SHARE
 from studies.study import Answer, Check, Progress
 from studies.trajectory_optimisation.certificate import certify, held
 from studies.trajectory_optimisation.comparison import compare, contestants
@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 
 # Beyond so many times the distance over which the last element slips, history hardly counts.
 LONGEST_STROKE: Final = 10.0
-MOST_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
+MAX_MOTION_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
 SCHEMES: Final = 10  # that are judged on every table, those that learn counting more
 DESIGNS: Final = 60  # times the time of the first design that all of them take
 DESIGNS_QUICK: Final = 10
@@ -137,7 +137,7 @@ def compute(machine: Machine, options: TrajectoryOptions, progress: Progress) ->
 
 
 def _foresee(machine: Machine, options: TrajectoryOptions, progress: Progress) -> None:
-    """The time of judging; that of the designs is bounded by MOST_SAMPLES, and known once the first is made."""
+    """The time of judging; that of the designs is bounded by MAX_MOTION_SAMPLES, and known once the first is made."""
     tables = 1 + (options.tables or (8 if options.quick else 200))
     samples = PERIODS * period(machine)
     judged = 2 * (SCHEMES * tables + tables_of(options)) * samples * seconds_a_sample(machine)
@@ -172,7 +172,7 @@ def _designed(machine: Machine, wanted: Wanted, options: TrajectoryOptions, prog
     elif options.objective != "peak_thrust":
         _, asked = schemes.aware(machine, wanted, _renamed(peak.task, options.objective))
     progress(0.2, "one trajectory for all histories")
-    effort: dict[str, Any] = {"seen": 2, "ratios": schemes.COARSE[:1], "rounds": 1} if options.quick else {}
+    effort: dict[str, Any] = {"seen": 2, "ratios": schemes.COARSE_SMOOTHING[:1], "rounds": 1} if options.quick else {}
     robust = schemes.robust_trajectory(machine, wanted, peak, options.common_objective, **effort)  # type: ignore[arg-type]
     return _Designs(shortest, tried, samples, deadbeat, peak, asked, copies, robust)
 
@@ -234,7 +234,7 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
     specification, rated = machine.specification, machine.drive.rated_thrust
     stroke = specification.stroke if options.stroke is None else options.stroke
     aimed = specification.reference_settling_time if options.settling_time is None else options.settling_time
-    tolerance = FINE * specification.tolerance if options.tolerance is None else options.tolerance
+    tolerance = STRICT_TOLERANCE_SHARE * specification.tolerance if options.tolerance is None else options.tolerance
     limit = options.thrust_limit
     slew = math.inf if options.slew is None else options.slew
     if limit is not None and not 0 < limit <= rated:
@@ -269,11 +269,11 @@ def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
             f"{show(stroke, 'm')}, so that history hardly matters; give a stroke of at most "
             f"{show(LONGEST_STROKE * reach, 'm')}, or design this one with deadbeat_design"
         )
-    if aimed > MOST_SAMPLES * machine.sample_time:
+    if aimed > MAX_MOTION_SAMPLES * machine.sample_time:
         raise BadInputError(
             f"--settling-time: {show(aimed, 's')} are {aimed / machine.sample_time:.0f} samples, the optimal control "
-            f"supports at most {MOST_SAMPLES}; give at most {show(MOST_SAMPLES * machine.sample_time, 's')}, or "
-            "design this motion with deadbeat_design"
+            f"supports at most {MAX_MOTION_SAMPLES}; give at most "
+            f"{show(MAX_MOTION_SAMPLES * machine.sample_time, 's')}, or design this motion with deadbeat_design"
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.trajectory.compensator import EVALUATIONS
-from design.trajectory.learning import LOOK, motions_to_learn, path_to_learn
+from design.trajectory.learning import LOOK_SETTLING_TIMES, motions_to_learn, path_to_learn
 from design.trajectory.schemes import Scheme, Wanted
 from design.validation import BATCH, sequence
 from design.wiping import wipe, wipe_to_json
@@ -18,7 +18,7 @@ from models.friction import reached_states
 from models.machine import Machine
 from models.variation import drawn
 from studies.binomial import CONFIDENCE, interval
-from studies.perturbed import DAMPING, DEAD_TIME, MODE_GAIN, OFFSET, Perturbed, perturbations
+from studies.perturbed import DAMPING, DEAD_TIME, MODE_GAIN, OFFSET_FRICTION_SHARE, Perturbed, perturbations
 from studies.scattered import QUANTILE
 from studies.starts import cost_of_starts
 from studies.study import Progress
@@ -51,7 +51,7 @@ def everything(
             "mode_gain": MODE_GAIN,
             "damping": DAMPING,
             "dead_time": DEAD_TIME,
-            "offset_N": OFFSET * machine.friction.coulomb_force,
+            "offset_N": OFFSET_FRICTION_SHARE * machine.friction.coulomb_force,
             "noise_m": machine.scale.noisy().noise,
         },
         "confidence": CONFIDENCE,
@@ -128,7 +128,10 @@ def _effort(machine: Machine, scheme: Scheme, stroke: float) -> dict[str, Any]:
     steps = np.diff(path)
     moving = np.sign(steps[steps != 0])
     points = int(np.count_nonzero(np.diff(moving))) + 1 + motions_to_learn(machine)
-    elements, look = len(scheme.known.limit), round(LOOK * machine.specification.settling_time / machine.sample_time)
+    elements, look = (
+        len(scheme.known.limit),
+        round(LOOK_SETTLING_TIMES * machine.specification.settling_time / machine.sample_time),
+    )
     numbers = points + 2 * (2 + 2 * machine.specification.motions) + 4 * look + 3 * elements
     return {
         "motions": motions_to_learn(machine),

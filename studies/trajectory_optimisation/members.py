@@ -19,7 +19,7 @@ from studies.trajectory_optimisation.comparison import Contestant, outcomes, row
 from studies.trajectory_optimisation.options import TrajectoryOptions
 from studies.trajectory_optimisation.outcomes import Aim, judge
 
-QUICK: Final = 5  # members of a quick run
+QUICK_MEMBERS: Final = 5  # members of a quick run
 
 
 def on_members(
@@ -37,7 +37,7 @@ def on_members(
     """
     if machine != load():
         return None
-    members = load_ensemble()[: QUICK if options.quick else None]
+    members = load_ensemble()[: QUICK_MEMBERS if options.quick else None]
     rows = []
     for one in schemes:
         every, _ = outcomes(machine, one, members, aim, options.seed)

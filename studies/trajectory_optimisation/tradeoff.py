@@ -78,7 +78,10 @@ def to_tolerance(machine: Machine, wanted: Wanted, shortest: int, *, quick: bool
     tolerance = machine.specification.tolerance
     limits = Limits(wanted.limits.thrust, wanted.limits.slew, tolerance)
     count, tried = least_settling_time(
-        build(task), schemes.slip_states(machine), limits, ratios=schemes.COARSE[:1] if quick else CONTINUATION
+        build(task),
+        schemes.slip_states(machine),
+        limits,
+        ratios=schemes.COARSE_SMOOTHING[:1] if quick else CONTINUATION,
     )
     return {
         "tolerance_m": tolerance,

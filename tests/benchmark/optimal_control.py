@@ -81,11 +81,13 @@ def _robust(machine: Machine, net: schemes.Array, states: schemes.Array) -> Time
         machine.specification.stroke,
     )
     built, limits = build_robust(task), Limits(machine.drive.rated_thrust)
-    found = solve_robust(built, list(states), net, limits, ratios=schemes.COARSE)
+    found = solve_robust(built, list(states), net, limits, ratios=schemes.COARSE_SMOOTHING)
     return _warm(
         f"warm solve, one trajectory for {len(states)} histories",
         0.5,
-        lambda share: solve_robust(built, list(share * states), found, limits, ratios=schemes.COARSE).solution,
+        lambda share: (
+            solve_robust(built, list(share * states), found, limits, ratios=schemes.COARSE_SMOOTHING).solution
+        ),
         SHARES,
     )
 

@@ -94,7 +94,7 @@ def test_blocks_bound_the_memory_and_change_no_digit(machine: Machine, monkeypat
     short = replace(machine, specification=replace(machine.specification, interval=0.03, motions=2))
     law, many = default_controller(short), [short] * 5
     together = validate_many(many, law, periods=2)
-    monkeypatch.setattr("design.validation.BLOCK", 2 * sequence(short, periods=2).size)
+    monkeypatch.setattr("design.validation.MAX_BLOCK_SAMPLES", 2 * sequence(short, periods=2).size)
     sizes: list[int] = []
 
     def counted(machines: Sequence[Machine], *given: Any, **more: Any) -> tuple[Response, ...]:

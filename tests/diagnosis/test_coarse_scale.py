@@ -18,7 +18,7 @@ from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.null import DRAWS, Null
+from diagnosis.null import NULL_DRAWS, Null
 from diagnosis.refit import refit_under, refit_within
 from models.effects.catalogue import looked_for
 from models.effects.friction_laws import ViscousFriction
@@ -34,10 +34,10 @@ class Chance:
     def __init__(self, layout: Any, roughness: tuple[float, ...], enough: float) -> None:
         names = [name for name in layout.names if name != "initial_friction_state"]
         size = max(roughness, default=1.0) < enough
-        scatter = 0.1 * np.random.default_rng(1).standard_normal((DRAWS, len(names)))
+        scatter = 0.1 * np.random.default_rng(1).standard_normal((NULL_DRAWS, len(names)))
         moved = scatter + np.array([size * BIASED.get(name, 0.0) for name in names])
         self.usual = None
-        self.found = Null({}, ((1.0,),) * DRAWS, (4.0,) * DRAWS, (), tuple(map(tuple, moved.tolist())))
+        self.found = Null({}, ((1.0,),) * NULL_DRAWS, (4.0,) * NULL_DRAWS, (), tuple(map(tuple, moved.tolist())))
 
     def completed(self, _: object) -> Null:
         return self.found
@@ -70,7 +70,7 @@ def test_what_is_found_beside_such_weights_does_not_lower_them() -> None:
     machine = with_units(MACHINE, records)
     nominal = refit_under(refit_within(machine, records), records, 3.0)
     names = dict.fromkeys(looked_for(), (0.0,))
-    chance = Null(names, ((1.0,),) * DRAWS, (4.0,) * DRAWS)
+    chance = Null(names, ((1.0,),) * NULL_DRAWS, (4.0,) * NULL_DRAWS)
     found = diagnosed(
         Baseline(nominal, records, pieces(records, loop_time(machine)), chance, biased={"payload_mass": -4.0}),
         disabled=[name for name in looked_for() if name != "viscous_friction"],

@@ -24,7 +24,7 @@ from diagnosis.model.motions import MotionKind, Piece, numbered, pieces, rms, sc
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.model.roughness import WhiteForce, steady_variance, variance_by_record
 from diagnosis.model.units import white_force
-from diagnosis.null import DRAWS, _white_force
+from diagnosis.null import NULL_DRAWS, _white_force
 from diagnosis.refit import noise_alone, refit_within, weighed, whiteness, within_rating
 from diagnosis.verdict import Outcome
 from diagnosis.which import random_force
@@ -249,7 +249,7 @@ def test_no_two_records_of_the_null_share_a_stretch_of_the_white_force() -> None
     candidate = SimpleNamespace(
         roughness_of=lambda _: 2.0, usual_white_force=SIZE, nominal=SimpleNamespace(sample_time=1e-3)
     )
-    seeds = [1000 * draw + record for draw in range(DRAWS) for record in range(6)]
+    seeds = [1000 * draw + record for draw in range(NULL_DRAWS) for record in range(6)]
     begins = sorted(law.first for seed in seeds for law in _white_force(candidate, 0, seed))  # type: ignore[arg-type]
     gaps = np.diff([*begins, begins[0] + 2**31])
     assert min(gaps) > 1e6

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.patches import Polygon
 
 from models.machine import load, to_json
-from reports.blocks import HEAD, Sheet
+from reports.blocks import ARROW_HEAD_MM, Sheet
 from reports.report import select
 from studies.diagrams import elements_figure, loop_figure, setup_figure
 
@@ -27,7 +27,7 @@ def test_an_arrows_head_touches_its_end_and_lies_on_its_line(end: tuple[float, f
     corners = np.asarray(head.get_xy())[:3]
     along = (np.array(end) - start) / np.linalg.norm(np.array(end) - start)
     np.testing.assert_allclose(corners[0], end)
-    np.testing.assert_allclose(np.mean(corners[1:], axis=0), np.array(end) - HEAD[0] * along)
+    np.testing.assert_allclose(np.mean(corners[1:], axis=0), np.array(end) - ARROW_HEAD_MM[0] * along)
     np.testing.assert_allclose((corners[1] - corners[2]) @ along, 0.0, atol=1e-12)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.experiments.references import NAMES, axis_references
+from diagnosis.experiments.references import FILE_NAMES, axis_references
 from models.effects.structure import CableSpring
 from models.machine import load
 from models.quantity import parse
@@ -24,7 +24,7 @@ def test_they_are_written_without_identifying_and_replace_only_themselves(
     folder = tmp_path / "references"
     asked = ["--write-references", str(folder)]
     assert main(asked) == 0
-    assert {one.name for one in folder.iterdir()} == {*NAMES, "manifest.json"}
+    assert {one.name for one in folder.iterdir()} == {*FILE_NAMES, "manifest.json"}
     assert (folder / "suite.csv").read_text(encoding="utf-8").startswith("time_s,target_m,reference_m,feedforward_N\n")
     assert main(asked) == 0
     (folder / "strokes.csv").write_text("mine", encoding="utf-8")

@@ -88,7 +88,7 @@ def test_what_was_chosen_is_said_and_varied(folder: Path) -> None:
 
 
 def test_kept_tables_of_other_conventions_are_written_as_they_are_read() -> None:
-    kept = alternatives.kept(alternatives.KEPT.read_text(encoding="utf-8"))
+    kept = alternatives.kept(alternatives.CONVENTIONS_FILE.read_text(encoding="utf-8"))
     assert len({convention for convention, _ in kept}) == len(kept)
     text = "".join(alternatives.to_text(convention, list(points)) for convention, points in kept)
     for (one, points), (same, again) in zip(kept, alternatives.kept(text), strict=True):

@@ -44,7 +44,7 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-GRID: Final = 60  # limits at which an element more is tried
+GRID_LIMITS: Final = 60  # limits at which an element more is tried
 MOST_ELEMENTS: Final = 20
 LEAST_SHARE: Final = 0.002  # of the slip force: an element that carries less stands for what the model leaves out
 SPACING: Final = 1.25  # least ratio of two neighbouring limits
@@ -88,11 +88,11 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
     limits, lags = np.zeros(0), np.zeros(2)
     best = linear_solution(data, limits, lags)
     criterion = [best[2]]
-    grid = np.geomspace(*limit_range(data), GRID)
-    candidates = linear_columns(data, grid, lags)[0][:, -GRID:]
+    grid = np.geomspace(*limit_range(data), GRID_LIMITS)
+    candidates = linear_columns(data, grid, lags)[0][:, -GRID_LIMITS:]
     while limits.size < most:
         if np.any(lags):
-            candidates = linear_columns(data, grid, lags)[0][:, -GRID:]
+            candidates = linear_columns(data, grid, lags)[0][:, -GRID_LIMITS:]
         wider = _with_element(data, limits, lags, grid, candidates)
         if wider is None:
             break
@@ -151,7 +151,7 @@ def _remembered(data: Signals, found: ForceFit) -> tuple[float, bool]:
 def _with_element(data: Signals, limits: Array, lags: Array, grid: Array, candidates: Array) -> Array | None:
     """The limits and one more, where with non-negative stiffnesses it takes away most; None if nowhere.
 
-    candidates (n, GRID): the columns of elements with the grid's limits.
+    candidates (n, GRID_LIMITS): the columns of elements with the grid's limits.
     """
     apart = np.array([bool(np.all(np.abs(np.log(x / limits)) > math.log(SPACING))) for x in grid])
     if not np.any(apart):

@@ -33,7 +33,7 @@ MAX_NYQUIST_SHARE: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
 MIN_LIMIT_STEPS: Final = 0.5  # of the reading: the shortest limit looked at, of which a search may halve it
 PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
-ALIKE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
+SAME_PASS_SHARE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def passes(path: Array) -> tuple[NDArray[np.int64], Array]:
     number, way, known = np.zeros(path.size, np.int64), np.zeros(path.size), list[tuple[float, float]]()
     for begin, end in pairwise(ends):
         here = path[begin], path[end]
-        close = ALIKE * abs(here[1] - here[0])
+        close = SAME_PASS_SHARE * abs(here[1] - here[0])
         same = [i for i, one in enumerate(known) if np.max(np.abs(np.subtract(one, here))) < close]
         number[begin : end + 1] = same[0] if same else len(known)
         way[begin : end + 1] = path[begin : end + 1] - here[0]

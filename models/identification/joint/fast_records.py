@@ -40,7 +40,8 @@ from models.records.files import Loaded
 from models.records.record import Record
 
 BY_DIRECTION: Final = Terms(viscous=True, by_direction=True)
-KEPT: Final = "the elements of the record that knows it best, not a mean of both"  # where slip forces disagree
+# What is said where slip forces disagree.
+KEPT_ELEMENTS_REASON: Final = "the elements of the record that knows it best, not a mean of both"
 DYNAMICS: Final = replace(BY_DIRECTION, delay=True, damped=True)  # what is identified of a fast record
 
 
@@ -69,7 +70,7 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     steps = [*steps_of(found, "dynamics"), Step(kind, loaded, ForceStep(fit, holdable(fit)))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
     source, best = Found(together(steps), "dynamics"), min(range(len(fits)), key=lambda i: vagueness(fits[i]))
-    machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps, KEPT)]
+    machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps, KEPT_ELEMENTS_REASON)]
     if found.has("response"):
         remarks += _on_plant(found, fit)
     else:

@@ -23,13 +23,13 @@ from models.plant import Mode, Plant
 DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
 LEAST_DAMPING: Final = 1e-4  # bounds of the search; what ends there is not a mode
 MOST_DAMPING: Final = 0.7
-GRID: Final = 240  # frequencies at which one mode more is tried
+GRID_FREQUENCIES: Final = 240  # frequencies at which one mode more is tried
 MAX_COMPARED_LINES: Final = 600  # lines on which orders are compared, of a record with thousands
 COARSE: Final = 300  # lines on which a start is sought
 WIDE: Final = 5.0  # of the logarithm of the rigid body's gain from its start
-ALIKE: Final = 1e-9  # relative size below which a combination of columns is none but rounding
+MIN_COLUMN_RATIO: Final = 1e-9  # relative size below which a combination of columns is none but rounding
 DIED_OUT: Final = 12.0  # time constants after which what a pole leaves is below 1e-5
-STEP: Final = 1e-6  # of theta, of the numerical derivatives: a hundredth of the sharpest mode's width
+DERIVATIVE_STEP: Final = 1e-6  # of theta, of the numerical derivatives: a hundredth of the sharpest mode's width
 MIN_RELATIVE_PART: Final = 2e-5  # of what theta has of a lag and a spring, and of a drag over the band: less is none
 STIFFEST: Final = 4.0  # times the inertia at the lowest line: a stiffer one makes the rigid body a mode in the band
 # Times the spring that is known, and its inverse: within lies the one that the lines show.
@@ -181,7 +181,7 @@ def _spanned(columns: Array) -> tuple[Array, Array]:
     norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     q, triangle = np.linalg.qr(columns / norms)
     left, sizes, right = np.linalg.svd(triangle, full_matrices=False)  # there may be more columns than rows
-    kept = sizes > ALIKE * sizes[:1]  # where all poles have died out, there is no column
+    kept = sizes > MIN_COLUMN_RATIO * sizes[:1]  # where all poles have died out, there is no column
     return q @ left[:, kept], right[kept].T / sizes[kept] / norms[:, None]
 
 
@@ -193,7 +193,7 @@ def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Slopes (2 N, p) [1] of the residual, by differences; of the projection as Kaufman (1975) has it."""
     here, *moved = (
         _expansion(*decoded(theta + step, structure, problem))
-        for step in (np.zeros(theta.size), *(STEP * np.eye(theta.size)))
+        for step in (np.zeros(theta.size), *(DERIVATIVE_STEP * np.eye(theta.size)))
     )
     return np.vstack([_slopes(here, moved, one) for one in problem.lines])
 
@@ -202,7 +202,7 @@ def _slopes(here: Expansion, moved: Sequence[Expansion], lines: Lines) -> Array:
     """Of one response; moved: by a step of each of theta."""
     if lines.command is None:
         shown = np.array([_shown(terms, lines) for terms in moved])
-        return _parted((shown - _shown(here, lines)) / STEP)
+        return _parted((shown - _shown(here, lines)) / DERIVATIVE_STEP)
     ends = _ends_of(here, lines)
     basis, weights = _spanned(_columns(ends, lines))
     sizes = -weights @ (basis.T @ _errors(here, lines))
@@ -211,7 +211,7 @@ def _slopes(here: Expansion, moved: Sequence[Expansion], lines: Lines) -> Array:
         near = _ends_of(terms, lines)
         alike = near if near.sizes == ends.sizes else ends  # a pole may die out between
         row[:] = _shown(terms, lines) + _added(alike, sizes, lines)
-    slopes = _parted((shown[1:] - shown[0]) / STEP)
+    slopes = _parted((shown[1:] - shown[0]) / DERIVATIVE_STEP)
     return np.asarray(slopes - basis @ (basis.T @ slopes))
 
 
@@ -280,7 +280,7 @@ def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
     left = left - basis @ (basis.T @ left)
     best, found = 0.0, (0.0, 0.5 * sum(few.band), DAMPINGS[0])
     low, high = few.band
-    grid = np.geomspace(1.05 * low, 0.97 * high, GRID)
+    grid = np.geomspace(1.05 * low, 0.97 * high, GRID_FREQUENCIES)
     for damping in DAMPINGS:
         columns = np.vstack([_mode_columns(grid, damping, plant.dead_time, beside.lag, one) for one in few.lines])
         columns -= basis @ (basis.T @ columns)

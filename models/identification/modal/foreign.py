@@ -18,7 +18,7 @@ from models.identification.modal.problem import Lines, Problem
 from models.identification.modal.transfer import Array, Complex
 
 STANDING: Final = 30.0  # times the usual error of what neighbours foretell, from which on a line may be foreign,
-TRIED: Final = 3  # so many at a time
+TRIED_LINES: Final = 3  # so many at a time
 MAX_FOREIGN_LINES: Final = 3  # lines that are left out
 NEIGHBOURS: Final = 4  # neighbours on each side, from which a line is foretold
 
@@ -59,7 +59,7 @@ def _suspects(lines: Lines) -> list[int]:
     shape = lines.p * (2j * np.pi * lines.f) ** 2
     away: Array = np.asarray([_foretold(lines.f, shape, i) for i in range(lines.f.size)]) / (2 * np.pi * lines.f) ** 2
     away = away * lines.weight
-    worst = np.argsort(-away, kind="stable")[:TRIED]
+    worst = np.argsort(-away, kind="stable")[:TRIED_LINES]
     return [int(i) for i in worst if away[i] > STANDING * np.median(away)]
 
 

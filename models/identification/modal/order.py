@@ -37,7 +37,7 @@ from models.identification.modal.problem import Problem, Structure
 from models.identification.modal.transfer import Array
 
 HEAVY: Final = 0.2  # damping ratio that no structure has: such a mode stands for friction
-LARGEST: Final = 10.0  # times the rigid body's gain: a larger mode is half of a pair that cancels itself
+MAX_MODE_GAIN_RATIO: Final = 10.0  # times the rigid body's gain: a larger mode is half of a pair that cancels itself
 SEEN: Final = 3.0  # standard deviations that a residue is from none at least
 WORSE: Final = 2  # orders in a row whose criterion is worse: then none better follows
 BOUND_FACTOR: Final = 1.05  # factor from a bound of the search within which a value stands at it
@@ -46,7 +46,7 @@ MISFIT_VARIANCE_RATIO: Final = 10.0  # times the stated variance: what is left i
 THIRD: Final = 2 ** (1 / 3)  # by which a band grows; by a whole octave a large mode may come too suddenly to be found
 MIN_BAND_LINES: Final = 12  # lines that such a band has at least
 EDGE: Final = 1.1  # times the lowest line: a mode below stands for friction where the axis did not roll
-SAME: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
+SAME_MODE_DISTANCE: Final = 0.02  # relative distance of two frequencies that count as the same mode in another order
 
 
 @dataclass(frozen=True)
@@ -211,8 +211,8 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
         yield "damping at a bound of the search"
     if damping > HEAVY:
         yield "damped as no structure is"
-    if abs(gain) > LARGEST:
-        yield f"more than {LARGEST:g} times the rigid body's gain"
+    if abs(gain) > MAX_MODE_GAIN_RATIO:
+        yield f"more than {MAX_MODE_GAIN_RATIO:g} times the rigid body's gain"
     near = np.abs(others[:, 1] - natural) < damping * natural + others[:, 2] * others[:, 1]
     if np.any(near & (others[:, 0] * gain < 0) & (np.abs(others[:, 0]) >= abs(gain))):
         yield "cancelled by its neighbour"

@@ -20,7 +20,7 @@ TURNED: Final = 2e-4  # share of the samples in which an axis may move backwards
 MAX_PLAUSIBLE_CHI_SQUARE: Final = 3.0  # reduced chi-square beyond which no plant fits a response
 SIGMAS: Final = 3.0  # beyond which two responses differ by more than their noise
 OTHER_LEVEL: Final = 1.5  # ratio of two excitations from which on amplitude may be what makes responses differ
-SAME: Final = 0.1  # relative distance of two frequencies that may be those of one mode
+SAME_MODE_DISTANCE: Final = 0.1  # relative distance of two frequencies that may be those of one mode
 CAUSES: Final = (
     ("rigid body gain", "another payload or thrust constant, or friction that was not constant"),
     ("dead time", "commands or positions logged a sample apart, or another current loop"),
@@ -191,4 +191,4 @@ def _twin(one: Estimate, other: Estimate, name: str) -> str | None:
     natural = one.value(f"mode {number} frequency")
     near = {each: abs(other.value(each) / natural - 1) for each in other.names if each.endswith("frequency")}
     best = min(near, key=lambda each: near[each], default="")
-    return f"{best.removesuffix('frequency')}{part}" if best and near[best] < SAME else None
+    return f"{best.removesuffix('frequency')}{part}" if best and near[best] < SAME_MODE_DISTANCE else None

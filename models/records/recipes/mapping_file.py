@@ -17,7 +17,7 @@ from models.records.recipes.rules import ALL, Rule
 from models.records.tables.sizes import RecordError
 
 FOLDER: Final = Path(__file__).parent
-LARGEST: Final = 1_000_000  # bytes of a mapping file
+MAX_FILE_BYTES: Final = 1_000_000  # bytes of a mapping file
 EXAMPLE: Final = 'write a table such as [[record]] with files = "sweep*.csv", time = "t [ms]", position = "x [mm]"'
 
 
@@ -34,7 +34,7 @@ def describe(name: str) -> str:
 def read_rules(path: Path, *, needed: bool = True) -> tuple[Rule, ...]:
     """The rules of a mapping file. needed: whether each of its patterns has to fit a file. Raises RecordError."""
     try:
-        if path.stat().st_size > LARGEST:
+        if path.stat().st_size > MAX_FILE_BYTES:
             raise RecordError(f"{path}: is larger than a mapping file can be; give one with a table for each record")
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

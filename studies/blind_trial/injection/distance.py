@@ -23,7 +23,7 @@ SEGMENTS: Final = 8  # of the record over which the spectrum of its roughness is
 LIMIT: Final = 5.0  # D from which an injected force counts as identifiable
 KNOTS: Final = 8  # of a free curve over speed, evenly in its logarithm
 SLOWEST: Final = 0.01  # quantile of the speeds at which it begins
-SAME: Final = 1e-9  # of the largest singular value, below which directions are one
+SAME_DIRECTION_RATIO: Final = 1e-9  # of the largest singular value, below which directions are one
 SIZES: Final = {"low": 0.5 * LIMIT, "middle": 1.5 * LIMIT, "high": 4 * LIMIT}
 
 
@@ -62,7 +62,7 @@ def beside_speed(path: Course, noise: Noise) -> Noise:
     curves = [np.maximum(way * friction, 0) * hat for way in (1, -1) for hat in hats]
     columns = [one / max(float(np.linalg.norm(one)), 1e-300) for one in curves]
     left, sizes, _ = np.linalg.svd(np.column_stack([noise.directions, *columns]), full_matrices=False)
-    return replace(noise, directions=left[:, sizes > SAME * sizes[0]])
+    return replace(noise, directions=left[:, sizes > SAME_DIRECTION_RATIO * sizes[0]])
 
 
 def unexplained(force: Array, noise: Noise) -> Array:

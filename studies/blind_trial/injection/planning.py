@@ -26,7 +26,8 @@ THIRDS: Final = 3
 OF_TOLERANCE: Final = {"low": 1 / 3, "middle": 1.0, "high": 2.0}  # sizes of what is a wrong nominal value
 PROBE_FORCE_SHARE: Final = 1e-3  # of the largest force: at this size a law is measured that is not linear in it
 STEEPEST: Final = 0.3  # largest size of a law that divides the thrust
-LARGEST: Final = 0.3  # of the record's own command: an injected force beyond, both as rms, would be no small change
+# Of the record's own command: an injected force beyond, both as rms, would be no small change.
+MAX_FORCE_SHARE: Final = 0.3
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,9 @@ def draw(plan: Plan, known: Known) -> Drawn:
         size = SIZES[plan.severity] / seen
         size = min(size, STEEPEST) if law.unit == "1" else size
     force = law.force(path, size, shape)
-    over = max(float(np.max(np.abs(path.command + force))) / known.rated, _rms(force) / (LARGEST * _rms(path.command)))
+    over = max(
+        float(np.max(np.abs(path.command + force))) / known.rated, _rms(force) / (MAX_FORCE_SHARE * _rms(path.command))
+    )
     if over > 1:
         size /= over
         force = law.force(path, size, shape)

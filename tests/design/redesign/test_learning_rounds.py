@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from design.redesign.designs import designed, in_place
-from design.redesign.learning_rounds import ROUNDS, STEP, corrected, learning_filter
+from design.redesign.learning_rounds import CORRECTION_SHARE, ROUND_COUNT, corrected, learning_filter
 from design.redesign.outcome import judged_motions, judged_target
 from models.controller import References
 from models.records.record import Record
@@ -35,7 +35,7 @@ def test_ten_rounds_on_an_axis_that_is_known_wrongly_leave_a_fifth_of_the_error(
     known = in_place(designed(KNOWN, "old"), KNOWN, TARGET)
     record = run(known.feedforward + known.compensation, known.position, 0)
     before = off(record)
-    for number in range(ROUNDS):
+    for number in range(ROUND_COUNT):
         force = corrected(record, KNOWN, LIMIT)
         assert np.max(np.abs(force)) <= LIMIT
         record = run(force, known.position, 1 + number)
@@ -69,4 +69,4 @@ def test_no_error_grows_whether_the_friction_yields_like_a_spring_or_slides() ->
     assert all(np.max(np.abs(1 - learned * reach)) <= 1 + 1e-9 for reach in found)
     slow = omega < 2 * np.pi * 5
     assert all(np.all(np.abs(1 - learned * reach)[slow] < 1) for reach in found)
-    assert np.max(np.abs(1 - STEP / found[0] * found[1])) > 1
+    assert np.max(np.abs(1 - CORRECTION_SHARE / found[0] * found[1])) > 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import hilbert
 
-from diagnosis.experiments.references import LEVELS, NAMES, axis_references
+from diagnosis.experiments.references import FILE_NAMES, LEVELS, axis_references
 from diagnosis.experiments.schedules import menu
 from models.friction import elements
 from models.identification.motion import START, begin
@@ -40,7 +40,7 @@ def run(machine: Machine, name: str) -> Record:
     return simulate(machine, machine.feedback_only(), one.target, given=one.given, seed=0).record
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FILE_NAMES)
 def test_references_are_in_the_sizes_of_the_machine(name: str) -> None:
     machine = load()
     usual, small = axis_references(machine)[name], axis_references(smaller(machine, 1000.0))[name]
@@ -60,7 +60,7 @@ def test_they_begin_from_rest_so_that_no_feedforward_of_the_controller_s_own_str
     assert force < least * machine.friction.coulomb_force
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FILE_NAMES)
 def test_references_stay_within_the_ratings(name: str) -> None:
     machine = load()
     given = axis_references(machine)[name].given

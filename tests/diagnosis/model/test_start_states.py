@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from diagnosis.model.start_states import POINTS, best_starts
+from diagnosis.model.start_states import START_POINTS, best_starts
 from models.friction import deflections
 
 LIMIT = np.geomspace(1e-6, 1e-4, 8)
@@ -32,7 +32,7 @@ def test_no_moves_leave_two_elements_further_apart_than_their_limits(moves: list
 def test_the_search_finds_what_moves_left(moves: list[float]) -> None:
     """An element's force is seen by itself here, so the best start is the true one, but for the slopes' grid."""
     z, count = _left_by(moves), LIMIT.size
-    grid = np.linspace(-1, 1, POINTS[0])
+    grid = np.linspace(-1, 1, START_POINTS[0])
     columns = np.concatenate([place * np.eye(count) for place in grid], axis=1)  # one element's displacement each
     e = -z / LIMIT
     found = best_starts(LIMIT, columns.T @ columns, columns.T @ e)
@@ -44,7 +44,7 @@ def test_the_search_finds_what_moves_left(moves: list[float]) -> None:
 def test_a_last_move_of_any_length_is_found_to_many_digits(move: float, sign: float) -> None:
     """Where a scale resolves the friction finely, a start off by a hundredth leaves a hundred times the noise."""
     z, count = sign * _left_by([-move]), LIMIT.size
-    columns = np.concatenate([place * np.eye(count) for place in np.linspace(-1, 1, POINTS[0])], axis=1)
+    columns = np.concatenate([place * np.eye(count) for place in np.linspace(-1, 1, START_POINTS[0])], axis=1)
     found = best_starts(LIMIT, columns.T @ columns, columns.T @ (-z / LIMIT))
     assert np.abs(found - z).max() / LIMIT.max() < 4e-3
 
@@ -52,7 +52,7 @@ def test_a_last_move_of_any_length_is_found_to_many_digits(move: float, sign: fl
 def test_limits_may_come_in_any_order() -> None:
     order = np.array([3, 0, 7, 1, 6, 2, 5, 4])
     limit, z = LIMIT[order], _left_by([-6e-5, 1e-5])[order]
-    columns = np.concatenate([place * np.eye(limit.size) for place in np.linspace(-1, 1, POINTS[0])], axis=1)
+    columns = np.concatenate([place * np.eye(limit.size) for place in np.linspace(-1, 1, START_POINTS[0])], axis=1)
     found = best_starts(limit, columns.T @ columns, columns.T @ (-z / limit))
     assert np.linalg.norm(found / limit - z / limit) < 0.35
 
@@ -77,5 +77,5 @@ def _search_error(points: int, seed: int) -> float:
 @pytest.mark.parametrize("seed", [228, 322, 634, 1172, 1556, 2501, 2829, 2854])
 def test_contacts_whose_sum_is_a_third_do_not_change_places_with_it(seed: int) -> None:
     """With the fewest points they do in these cases, as their slips between two points are interpolated."""
-    assert _search_error(POINTS[1], seed) < 0.01
-    assert _search_error(POINTS[0], seed) > 0.05
+    assert _search_error(START_POINTS[1], seed) < 0.01
+    assert _search_error(START_POINTS[0], seed) > 0.05

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from diagnosis.which.resonances import STEP, resonances
+from diagnosis.which.resonances import FREQUENCY_STEP_DAMPINGS, resonances
 from models.plant import Mode
 
 SAMPLE = 1e-3
@@ -36,7 +36,7 @@ def test_modes_of_either_sign_are_found_within_a_step(frequency: float, sign: fl
         parts.append((force, motion + np.std(motion) * rng.standard_normal(n)))
     found = resonances(parts, SAMPLE, [(LOW, HIGH)], mode, 4)
     assert len(found) <= 4
-    assert found[0] == pytest.approx(frequency, rel=STEP * 0.02)
+    assert found[0] == pytest.approx(frequency, rel=FREQUENCY_STEP_DAMPINGS * 0.02)
 
 
 def test_what_only_shakes_is_no_resonance() -> None:

@@ -23,7 +23,7 @@ from models.plant import frequency_response, sampled
 from models.records.files import Loaded
 from models.records.record import Record
 from studies.identify_machine import own_records
-from studies.identify_machine.round_trip import WITHIN, judged, true_modes
+from studies.identify_machine.round_trip import INTERVAL_STDS, judged, true_modes
 from studies.identify_machine.shown import warnings_of
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def test_one_sweep_shows_the_plant_within_its_deviations() -> None:
         assert fit.estimate.values == pytest.approx(truth, rel=0.05)
         errors.append((fit.estimate.values - truth) / fit.estimate.deviations)
     assert np.max(np.abs(errors)) < 4
-    assert np.mean(np.abs(errors) < WITHIN) >= 0.85
+    assert np.mean(np.abs(errors) < INTERVAL_STDS) >= 0.85
     assert np.sqrt(np.mean(np.square(errors))) > 0.5  # nor are the deviations stated too large
 
 
@@ -387,7 +387,7 @@ def test_stated_intervals_hold_the_truth_over_ten_tables() -> None:
     assert 0.9 <= found["coverage"] <= 0.99
     kinds = {kind["record"]: np.concatenate([kind["errors"]]) for kind in found["kinds"]}
     for name, errors in kinds.items():
-        assert np.mean(np.abs(errors) < WITHIN) > 0.9, name
+        assert np.mean(np.abs(errors) < INTERVAL_STDS) > 0.9, name
         assert np.sqrt(np.mean(errors**2)) < 1.3, name
         assert np.sqrt(np.mean(errors**2)) > 0.7, name  # deviations that are stated far too large hold anything
 

@@ -107,7 +107,7 @@ def test_a_leaked_label_is_found_by_name_and_by_content(tmp_path: Path) -> None:
     (tmp_path / "case-01" / "stribeck.txt").touch()
     expected = ["case-01/stribeck.txt holds 'stribeck'", "case-01/suite.csv.gz holds 'cogging'"]
     assert guard.leaks(tmp_path, names) == expected
-    record.write_bytes(gzip.compress(b"0" * (guard.CHUNK - 3) + b"cogging"))  # across the ends of two chunks
+    record.write_bytes(gzip.compress(b"0" * (guard.CHUNK_BYTES - 3) + b"cogging"))  # across the ends of two chunks
     assert guard.leaks(tmp_path, names) == expected
     record.write_bytes(gzip.compress(bytes(10_000_000)))
     hidden = "case-01/suite.csv.gz expands to more than 0.002 GB, and so was not searched to its end"

@@ -20,7 +20,7 @@ from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
-UNITS: Final = ("unit", "units", "Unit", "Units", "UNIT", "UNITS")  # attributes that state a unit
+UNIT_ATTRIBUTES: Final = ("unit", "units", "Unit", "Units", "UNIT", "UNITS")  # attributes that state a unit
 MAX_UNIT_CHARS: Final = 100  # characters of a unit
 
 
@@ -86,7 +86,7 @@ def _unit(item: Any) -> str:
     """The unit that an attribute of a data set states as one text; "" for none."""
     from h5py import check_string_dtype  # noqa: PLC0415
 
-    for name in UNITS:
+    for name in UNIT_ATTRIBUTES:
         if name not in item.attrs:
             continue
         attribute = item.attrs.get_id(name)

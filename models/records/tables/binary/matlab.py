@@ -22,7 +22,7 @@ from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
-HEAD: Final = 128  # bytes before the first variable
+HEADER_BYTES: Final = 128  # bytes before the first variable
 MATRIX, COMPRESSED = 14, 15
 HOLDING: Final = {1, 2, 3}  # classes of arrays whose members are arrays: cells, structures, objects
 
@@ -42,8 +42,8 @@ def _arrays(path: Path, limits: Limits) -> dict[str, Array]:
     from scipy.io import loadmat, whosmat  # noqa: PLC0415
 
     with path.open("rb") as file:
-        head = file.read(HEAD)
-        newer = 0 not in head[:4] and len(head) == HEAD
+        head = file.read(HEADER_BYTES)
+        newer = 0 not in head[:4] and len(head) == HEADER_BYTES
         order = "<" if head[126:] == b"IM" else ">"
         if newer and head[125 if order == "<" else 124] == 2:
             return {name.replace("/", "."): column for name, column in read_datasets(path, limits, None)[0].items()}

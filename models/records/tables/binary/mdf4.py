@@ -24,7 +24,7 @@ from models.records.tables.sizes import Limits, RecordError
 from models.records.tables.table import Table
 
 ROOT: Final = Path(__file__).parents[4]
-HEAD: Final = b"MDF     "
+FILE_MARK: Final = b"MDF     "
 UNFINISHED: Final = b"UnFinMF "
 
 
@@ -64,7 +64,7 @@ def _check_head(path: Path) -> None:
         head = file.read(16)
     if head[:8] == UNFINISHED:
         raise RecordError("was not finished by its logger; finalise it there, or export it again")
-    if head[:8] != HEAD:
+    if head[:8] != FILE_MARK:
         raise RecordError("is not an MDF file, whatever its name ends in; give the one that the logger wrote")
     if head[8:9] != b"4":
         version = head[8:16].decode("ascii", "replace").strip(" \0")

@@ -20,7 +20,7 @@ from models.records.tables.table import Table
 
 Array = NDArray[np.float64]
 
-UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit")  # properties that state a unit
+UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit")  # properties that state a unit
 MOST_SCALES: Final = 100  # steps from a raw value to the scaled one
 
 
@@ -68,7 +68,7 @@ def table_of_tdms(path: Path, limits: Limits, wanted: Collection[str] | None) ->
 
 
 def _unit(properties: Mapping[str, Any]) -> str:
-    stated = (properties.get(name) for name in UNITS)
+    stated = (properties.get(name) for name in UNIT_PROPERTIES)
     return next((text.strip() for text in stated if isinstance(text, str) and text.strip()), "")
 
 

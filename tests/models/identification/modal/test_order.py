@@ -9,7 +9,7 @@ import pytest
 
 from models.identification import modes
 from models.identification.modal.fitting import trend, with_mode
-from models.identification.modal.order import SAME, Candidate, _sound, faults, fitted
+from models.identification.modal.order import SAME_MODE_DISTANCE, Candidate, _sound, faults, fitted
 from models.identification.modal.problem import Structure, problem_of
 from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
 from models.identification.pipeline import identify
@@ -51,7 +51,7 @@ def test_lag_and_drag_are_not_explained_by_modes() -> None:
     for name, value in truth.items():
         assert abs(fit.estimate.value(name) - value) < 4 * fit.estimate.deviation(name), name
     assert 0.7 < fit.chi_square < 1.3
-    stable = [bool(np.any(np.abs(one.triples[:, 1] / 140.0 - 1) < SAME)) for one in fit.orders]
+    stable = [bool(np.any(np.abs(one.triples[:, 1] / 140.0 - 1) < SAME_MODE_DISTANCE)) for one in fit.orders]
     assert stable == [False, *[True] * (len(fit.orders) - 1)]
     assert min(fit.worth, key=lambda part: part[1])[1] > 10
 
