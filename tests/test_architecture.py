@@ -96,7 +96,38 @@ def ambiguous(root: Path) -> list[str]:
     return found
 
 
-RULES = (wrong_directions, cycles, crowded, ambiguous)
+# Constants that mean the same wherever they are defined: a study's declaration and its report's tables, the project's
+# folder, periods of the specified sequence, iterations of a fit, and where a study's targets come from.
+SAME_EVERYWHERE = {"STUDY", "TABLES", "ROOT", "PERIODS", "ITERATIONS", "SOURCE"}
+MOST_DEFINITIONS = 3  # modules that may define a constant of one name
+
+
+def constants(path: Path) -> Iterator[str]:
+    """Upper-case names that a module gives values to; not places of an array, `X, Y = range(2)`, that it counts."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.AnnAssign):
+            targets = [node.target]
+        else:
+            continue
+        for target in targets:
+            of_several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            names = target.elts if isinstance(target, ast.Tuple) and of_several else [target]
+            yield from (name.id for name in names if isinstance(name, ast.Name) and name.id.isupper())
+
+
+def overloaded(root: Path) -> list[str]:
+    """Constants with a name that so many modules define that it tells nobody which quantity it bounds.
+
+    The sealer is left out: its packs are known by the hash of its sources, and it imports nothing from elsewhere.
+    """
+    paths = [path for package in MAY_IMPORT for path in modules(package, root) if "sealer" not in path.parts]
+    counts = Counter(name for path in paths for name in set(constants(path)) - SAME_EVERYWHERE)
+    return [f"{name}: {count} modules" for name, count in sorted(counts.items()) if count > MOST_DEFINITIONS]
+
+
+RULES = (wrong_directions, cycles, crowded, ambiguous, overloaded)
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
@@ -174,6 +205,8 @@ def planted(root: Path, files: Mapping[str, str]) -> Path:
         (cycles, {"models/a.py": "import models.b\n", "models/b.py": "if TYPE_CHECKING:\n    import models.a\n"}),
         (crowded, {f"diagnosis/where/m{i}.py": "" for i in range(MOST_MODULES + 1)}),
         (ambiguous, {"models/friction.py": "", "models/effects/friction.py": ""}),
+        (overloaded, {f"design/m{i}.py": f"MOST: Final = {i}  # samples\n" for i in range(MOST_DEFINITIONS + 1)}),
+        (overloaded, {f"studies/m{i}.py": f"FEW, MANY{i} = {i}, 9\n" for i in range(MOST_DEFINITIONS + 1)}),
     ],
 )
 def test_a_planted_fault_breaks_its_rule_and_only_that(
@@ -181,6 +214,19 @@ def test_a_planted_fault_breaks_its_rule_and_only_that(
 ) -> None:
     root = planted(tmp_path, files)
     assert [one for one in RULES if one(root)] == [rule]
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {f"design/m{i}.py": f"MOST: Final = {i}\n" for i in range(MOST_DEFINITIONS)},
+        {f"design/m{i}.py": f"def f():\n    MOST = {i}\n" for i in range(MOST_DEFINITIONS + 1)},
+        {f"models/m{i}.py": "POSITION, SPEED = range(2)\n" for i in range(MOST_DEFINITIONS + 1)},
+        {f"studies/m{i}.py": "STUDY = 1\n" for i in range(MOST_DEFINITIONS + 1)},
+    ],
+)
+def test_a_constant_of_few_modules_or_with_one_meaning_is_let_pass(files: dict[str, str], tmp_path: Path) -> None:
+    assert overloaded(planted(tmp_path, files)) == []
 
 
 def test_tests_mirror_the_rooms() -> None:
