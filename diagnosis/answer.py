@@ -42,7 +42,7 @@ class Answer:
     forms: Mapping[str, Form] = field(default_factory=lambda: MappingProxyType({}))
 
 
-def answered(stages: tuple[Stage, ...], pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
+def answer_of(stages: tuple[Stage, ...], pruned: Pruned, baseline: Baseline, seed: int) -> Answer:
     """The answer of some stages of the search, with the forms of its laws and with what the log shows."""
     answer = largest_adequate(stages, baseline, seed)
     return with_the_log(with_forms(answer, pruned, baseline, seed), pruned, baseline, seed)
@@ -53,7 +53,7 @@ def explanations(
 ) -> tuple[tuple[Pruned, Answer], ...]:
     """The answer that the search gives; before it that with a slow effect, where the search found nothing for a force
     that innovations do not show, and one explains it."""
-    answer = answered(pruned.stages, pruned, baseline, seed)
+    answer = answer_of(pruned.stages, pruned, baseline, seed)
     plain = ((pruned, answer),)
     if answer.names or not hidden(answer.closure, baseline.criteria):
         return plain
@@ -61,7 +61,7 @@ def explanations(
     if stages is None:
         return plain
     slow = prune(stages, baseline)
-    with_it = answered(slow.stages, slow, baseline, seed)
+    with_it = answer_of(slow.stages, slow, baseline, seed)
     return ((slow, with_it), *plain) if with_it.outcome is Outcome.ATTRIBUTED else plain
 
 
@@ -172,7 +172,7 @@ def as_spring(unknown: Learned, answer: Answer, pruned: Pruned, baseline: Baseli
     return Answer((pruned.stages[0], stage), tuple(names), closure, Outcome.ATTRIBUTED, {names[0]: Form.OTHER})
 
 
-def bent_spring(answer: Answer, baseline: Baseline) -> bool:
+def nonlinear_spring(answer: Answer, baseline: Baseline) -> bool:
     """Whether the answer is one spring that is not straight, of which its curve tells more than a stiffness."""
     kinds = baseline.machine.kinds
     return [(kinds[name].kind(), form) for name, form in answer.forms.items()] == [(SPRING, Form.OTHER)]

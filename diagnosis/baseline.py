@@ -19,7 +19,7 @@ from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
 from diagnosis.model.units import loop_time, with_units
-from diagnosis.null import Begun, Null, begun
+from diagnosis.null import Null, StartedNull, start_null
 from diagnosis.refit import CALLED, refit_under, weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
@@ -79,9 +79,9 @@ class Baseline:
 
     @cached_property
     def driving(self) -> tuple[Record, ...]:
-        """The records as they drive a simulated closed loop; see `driven`."""
+        """The records as they drive a simulated closed loop; see `driving_record`."""
         pairs = zip(self.records, self.replays, strict=True)
-        return tuple(driven(self.machine, record, found) for record, found in pairs)
+        return tuple(driving_record(self.machine, record, found) for record, found in pairs)
 
     @cached_property
     def thresholds(self) -> dict[str, float]:
@@ -102,7 +102,7 @@ class Baseline:
         return self.null.floors(self.records)
 
 
-def driven(machine: Machine, record: Record, found: Replayed) -> Record:
+def driving_record(machine: Machine, record: Record, found: Replayed) -> Record:
     """A record as it drives a simulated closed loop: where the stated controller alone did not make the commands, with
     all that they hold beyond its law as feedforward, since no model of the plant can answer to what it is not given."""
     return record if found.replays and found.added is None else added_signals(machine, record)
@@ -131,7 +131,7 @@ def refit_and_null(
     told = partial(say, 0.1)
     smooth, first = parallel_map(
         call,
-        (lambda: within_rating(machine, records), lambda: begun(layout, records, cache=cache, say=told)),
+        (lambda: within_rating(machine, records), lambda: start_null(layout, records, cache=cache, say=told)),
     )
     _require_smooth(records, first, criteria)
     motions = pieces(records, loop_time(machine))
@@ -140,7 +140,7 @@ def refit_and_null(
     if nominal.candidate.rough or finer is not smooth:  # what chance gains depends on the roughness and on the elements
         del first  # its columns are large
         candidate = nominal.candidate
-        first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
+        first = start_null(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
     chance = first.completed(told)
     biased = beyond = {} if nominal.candidate.rough else _biased(nominal, chance, criteria)
     for rougher in WHITE_FORCE_FACTORS:
@@ -148,7 +148,7 @@ def refit_and_null(
             break
         nominal = refit_under(nominal, records, rougher)
         candidate = nominal.candidate
-        first = begun(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
+        first = start_null(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
         chance = first.completed(told)
         beyond = _biased(nominal, chance, criteria)
     given = smooth.candidate.nominal if finer is not smooth else None
@@ -167,7 +167,7 @@ def _biased(nominal: Fit, chance: Null, criteria: Criteria) -> dict[str, float]:
     return dict(sorted(largest.items(), key=lambda one: -abs(one[1])))
 
 
-def _require_smooth(records: Sequence[Record], null: Begun, criteria: Criteria) -> None:
+def _require_smooth(records: Sequence[Record], null: StartedNull, criteria: Criteria) -> None:
     """Raises RecordError where interpolation leaves much of a machine with nothing wrong: values would bend to it."""
     filled = [i for i, record in enumerate(records) if record.every > 1]
     if not filled:

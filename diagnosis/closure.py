@@ -178,7 +178,7 @@ def _closure_of_force(
     after = before if final is first else still_fit(final.candidate, records, final.paths)
     fold, left = partial_out(final, motion).fold[motion], np.zeros(begun.size)
     for number in range(FOLDS):
-        apart = replace(after, candidate=begun_as(after, without(after, records, fold == number)))
+        apart = replace(after, candidate=with_starts_of(after, without(after, records, fold == number)))
         left += np.where(fold == number, unknown_less_means(apart, records)[0], 0.0)
     sums = np.stack([np.bincount(motion, one) for one in (begun**2, left**2, least**2 * used)])
     drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
@@ -190,7 +190,7 @@ def _closure_of_force(
     return float(_closed(sums.sum(axis=1))), (float(low), float(high)), excess
 
 
-def begun_as(fitted: Fit, candidate: Candidate) -> Candidate:
+def with_starts_of(fitted: Fit, candidate: Candidate) -> Candidate:
     """The candidate with the friction elements at the start of each record where they are in the fit: what the motions
     that were left out begin from is no effect, and without a record's first one nothing else tells it."""
     layout = candidate.layout

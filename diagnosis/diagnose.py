@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 from diagnosis.answer import (
     Answer,
-    answered,
+    answer_of,
     as_spring,
     as_well,
-    bent_spring,
     closes_too_little,
     doubted,
     explanations,
     form_parts,
+    nonlinear_spring,
     not_seen_to_repeat,
     rivalling,
 )
@@ -41,7 +41,7 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.final_fit import freed, plant_at_bounds
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
-from diagnosis.how_far import acting
+from diagnosis.how_far import effect_magnitude
 from diagnosis.learned.learn import Learned, learned
 from diagnosis.model.diagnosable import checked
 from diagnosis.model.fit import Fit, fit
@@ -188,11 +188,11 @@ def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed:
         if found.outcome in NAMED:
             break
     if found.outcome is Outcome.NONE and answer.outcome in NAMED:  # taken back
-        plain = answered(pruned.stages[:1], pruned, baseline, seed)
+        plain = answer_of(pruned.stages[:1], pruned, baseline, seed)
         if plain.outcome is not Outcome.NONE:  # the re-fit leaves nothing, so that nothing is out of the catalogue
             found = _diagnosis(plain, pruned, baseline)
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
-        found = _diagnosis(answered(without(pruned, less), pruned, baseline, seed), pruned, baseline)
+        found = _diagnosis(answer_of(without(pruned, less), pruned, baseline, seed), pruned, baseline)
     return found
 
 
@@ -259,7 +259,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     if rivals:
         outcome = Outcome.AMBIGUOUS
     unknown = known
-    if outcome is Outcome.NONE or (known is None and bent_spring(answer, baseline)):
+    if outcome is Outcome.NONE or (known is None and nonlinear_spring(answer, baseline)):
         curve = learned(pruned.stages[0].fitted, closure.floor, baseline)
         if spring := as_spring(curve, answer, pruned, baseline):
             return _diagnosis(spring, pruned, baseline, replace(curve, reason=""))
@@ -269,7 +269,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)
-    if outcome in NAMED and taken_back(names, final, closure, far, criteria):
+    if outcome in NAMED and is_withdrawn(names, final, closure, far, criteria):
         return _diagnosis(replace(answer, outcome=Outcome.NONE), pruned, baseline)
     told = (*stages[:-1], replace(stages[-1], fitted=handed.fitted)) if handed is not None and whole else stages
     named = names if outcome is not Outcome.NONE else ()
@@ -291,7 +291,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     )
 
 
-def taken_back(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:
+def is_withdrawn(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:
     """Whether the file with the named effects closes too little for them to stand. Where the search left nothing above
     the floor, unless that is as rough as what is left, little is enough, and of a converter's steps, as fine as noise,
     nothing is asked; where effects are not in the file as their phases belong to single records, it does not tell. On
@@ -376,7 +376,7 @@ def _measured(found: Diagnosis, name: str) -> dict[str, Any] | None:
 def _acts(found: Diagnosis, name: str) -> dict[str, Any] | None:
     """How much a named effect does along the records; None for what is not named, or not in the model."""
     named = name in (*found.effects, *found.partly)
-    size = acting(name, found.told.candidate, found.baseline.records, found.told.paths) if named else None
+    size = effect_magnitude(name, found.told.candidate, found.baseline.records, found.told.paths) if named else None
     return size.to_json() if size else None
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import bounded, parameters
-from diagnosis.refit import started
+from diagnosis.refit import with_new_starts
 from diagnosis.where.side import as_force
 from diagnosis.which.free_form import ridge_regression
 from diagnosis.which.scan import partial_out
@@ -84,7 +84,7 @@ def _halved(fitted: Fit, records: Sequence[Record]) -> Fit:
     theta[finer.of("presliding_limit")] += np.outer(apart, (-0.25, 0.25)).ravel()
     begun = replace(candidate, layout=finer, theta=bounded(finer, theta))
     paths = fitted.paths
-    return started(fit(begun, records, paths=paths, iterations=ITERATIONS, walk=fitted.walk), records)
+    return with_new_starts(fit(begun, records, paths=paths, iterations=ITERATIONS, walk=fitted.walk), records)
 
 
 def halved(machine: Machine, apart: float) -> Machine:

@@ -55,7 +55,7 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class Acting:
+class EffectMagnitude:
     """How much an effect does along the records, in root mean square: to the force on the axis [N], and to the position
     that is read [m]; None where it acts on the other alone."""
 
@@ -67,7 +67,9 @@ class Acting:
         return {"force_N": self.force, "position_m": self.position}
 
 
-def acting(name: str, candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]) -> Acting | None:
+def effect_magnitude(
+    name: str, candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath]
+) -> EffectMagnitude | None:
     """What the members of this name do to a model along `paths`, those of the machine file included; None where the
     model has none. So effects whose amplitudes are shares of something else are compared in newtons."""
     members = [effect for effect in candidate.effects if effect.name == name]
@@ -79,7 +81,7 @@ def acting(name: str, candidate: Candidate, records: Sequence[Record], paths: Se
     force = rms([np.ravel(one - other) for one, other in zip(with_it, rest, strict=True)])
     position = rms([one - other for one, other in zip(with_it_read, rest_read, strict=True)])
     reads = "reading" in reach or any(effect.modes() for effect in members)
-    return Acting(force if reach - {"reading"} else None, position if reads else None)
+    return EffectMagnitude(force if reach - {"reading"} else None, position if reads else None)
 
 
 def _seen(

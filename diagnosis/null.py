@@ -185,7 +185,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Begun:
+class StartedNull:
     """A null of which the first table is simulated and scanned, with the columns that the others share (`start`); or
     the whole of it, where it was kept in `place`."""
 
@@ -229,7 +229,7 @@ class Begun:
         return made
 
 
-def begun(
+def start_null(
     layout: Parameters,
     records: Sequence[Record],
     *,
@@ -237,7 +237,7 @@ def begun(
     cache: Path | None = None,
     draws: int = NULL_DRAWS,
     say: Callable[[str], None] = lambda _: None,
-) -> Begun:
+) -> StartedNull:
     """The gains [1] of every effect on `draws` simulated tables without any, begun with the first of them: on a drive
     that turns out rougher than its model, or with more contacts, all others would be simulated for nothing.
 
@@ -248,12 +248,12 @@ def begun(
     place = cache / f"{_key(layout.machine, records, draws, roughness)}.json" if cache else None
     kept = _kept(place, layout.machine.kinds, draws, len(records), _nominal(layout).size) if place else None
     if kept is not None:
-        return Begun(layout, records, roughness, draws, place, kept)
+        return StartedNull(layout, records, roughness, draws, place, kept)
     say(f"simulating the null, 1 of {draws}")
     table = _drawn(layout, records, roughness, 0)
     findings, columns = table.scanned()  # most of them are those of the tables that follow, too
     known = {effect: column for effect, column in columns.items() if _is_of_path(effect)}
-    return Begun(layout, records, roughness, draws, place, (_gains(table, findings), known))
+    return StartedNull(layout, records, roughness, draws, place, (_gains(table, findings), known))
 
 
 def _keep(made: Null, place: Path) -> None:

@@ -16,7 +16,7 @@ from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.roughness import steady_variance, unmodelled_variance, variance_by_record
-from diagnosis.model.start_states import fine, search, static_equilibrium_start
+from diagnosis.model.start_states import has_fine_scale, search, static_equilibrium_start
 from diagnosis.model.units import loop_time, slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -50,20 +50,20 @@ def refit(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, 
     them with a law of the catalogue, by 9 of chi-square at most, and worse by up to 1003.
     """
     candidate = Candidate(layout, static_equilibrium_start(layout, records), effects)
-    found = _begun(candidate, records, FIRST_ITERATIONS)
+    found = _first_fit(candidate, records, FIRST_ITERATIONS)
     if _starts_may_be_missed(found, records):
-        found = min(found, _begun(candidate, records, 0), key=lambda one: one.cost)
-    return started(found, records)
+        found = min(found, _first_fit(candidate, records, 0), key=lambda one: one.cost)
+    return with_new_starts(found, records)
 
 
 def _starts_may_be_missed(fitted: Fit, records: Sequence[Record]) -> bool:
     """Whether more than noise is left where the scale resolves the friction finely."""
-    return fine(fitted.candidate.nominal) and float(fitted.innovations @ fitted.innovations) > float(
+    return has_fine_scale(fitted.candidate.nominal) and float(fitted.innovations @ fitted.innovations) > float(
         np.sum(weights(records))
     )
 
 
-def _begun(candidate: Candidate, records: Sequence[Record], iterations: int) -> Fit:
+def _first_fit(candidate: Candidate, records: Sequence[Record], iterations: int) -> Fit:
     """The candidate fitted, with so many steps of its values before each search of the starts."""
     paths: tuple[SmoothedPath, ...] | None = None
     for walk in FORGIVING:
@@ -83,7 +83,7 @@ def refit_under(fitted: Fit, records: Sequence[Record], roughness: float) -> Fit
     layout, effects = fitted.candidate.layout, in_order(fitted.candidate.nominal.effects)
     start = static_equilibrium_start(layout, records)
     candidate = Candidate(layout, start, effects, roughness=(roughness,) * len(records))
-    return started(fit(candidate, records, walk=fitted.walk), records)
+    return with_new_starts(fit(candidate, records, walk=fitted.walk), records)
 
 
 def weighed(
@@ -159,7 +159,7 @@ def _weighed(fitted: Fit, records: Sequence[Record], rough: NDArray[np.bool_]) -
         fall = -np.log(after / variance) / np.log(np.where(moved, roughness / before, 2.0))
         slope = np.where(moved, np.clip(fall, LEAST_SLOPE, 2.0), slope)
         variance = after
-    return started(fitted, records)
+    return with_new_starts(fitted, records)
 
 
 def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
@@ -188,7 +188,7 @@ def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     return min(found, key=lambda fitted: fitted.cost)
 
 
-def started(fitted: Fit, records: Sequence[Record]) -> Fit:
+def with_new_starts(fitted: Fit, records: Sequence[Record]) -> Fit:
     """The fit with its records' starts searched anew, as long as that leaves less: what else is in the model decides
     which starts are best."""
     for _ in range(START_SEARCHES):

@@ -11,7 +11,7 @@ from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess, tested
-from diagnosis.experiments.information import Told, told
+from diagnosis.experiments.information import ExperimentInformation, information_of
 from diagnosis.experiments.look import Found, Look, look
 from diagnosis.experiments.policy import Choice, Choose, Knowledge, Stop
 from diagnosis.experiments.schedules import Schedule, together
@@ -102,7 +102,7 @@ def ask(
     """
     say(0.0, "what each experiment would tell, by simulation")
     names = names_of(machine, settings.disabled)
-    menu = told(machine, experiments(machine, budget.bounds), names, settings.seed)
+    menu = information_of(machine, experiments(machine, budget.bounds), names, settings.seed)
     known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records, settings.criteria)
     course = _Course(known, records=tuple(have))
     if have:
@@ -162,7 +162,7 @@ def _next(known: Knowledge, choose: Choose) -> Choice | None:
     return Choice((min(fits),), "to begin with what the axis runs anyway")
 
 
-def _spent(known: Knowledge, parts: list[Told]) -> Knowledge:
+def _spent(known: Knowledge, parts: list[ExperimentInformation]) -> Knowledge:
     return replace(known, seconds=known.seconds - sum(one.seconds for one in parts), records=known.records - 1)
 
 
@@ -175,17 +175,21 @@ def _without(known: Knowledge, choice: Choice) -> Knowledge:
     return replace(known, barred=known.barred.union(choice.places))
 
 
-def _joined(parts: list[Told]) -> Schedule:
+def _joined(parts: list[ExperimentInformation]) -> Schedule:
     schedules = [one.experiment.schedule for one in parts]
     return schedules[0] if len(schedules) == 1 else together("asked", schedules)
 
 
-def _words(parts: Sequence[Told]) -> str:
+def _words(parts: Sequence[ExperimentInformation]) -> str:
     return "; then ".join(one.experiment.words for one in parts)
 
 
 def _step(
-    parts: list[Told], choice: Choice, begun: Knowledge, known: Knowledge | None, not_run: NotRun | None = None
+    parts: list[ExperimentInformation],
+    choice: Choice,
+    begun: Knowledge,
+    known: Knowledge | None,
+    not_run: NotRun | None = None,
 ) -> Step:
     return Step(
         _words(parts),
@@ -209,8 +213,8 @@ def _asked(course: _Course, budget: Budget) -> Asked:
         fits = known.within(known.seconds) and known.records > 0
         left = "its records are spent" if known.records < 1 else f"no experiment fits into {known.seconds:.2g} s"
         reason = "nothing within the limits would tell more" if fits else f"of the budget, {left}"
-        end = policy.spent(known, budget.chance, reason)
-    names = tuple(name for name in known.found[-1].names if known.process.sure(name, budget.chance))
+        end = policy.ending_when_spent(known, budget.chance, reason)
+    names = tuple(name for name in known.found[-1].names if known.process.is_confirmed(name, budget.chance))
     named = names if end[0] is Stop.NAMED else ()
     return Asked(*end, named, course.steps, course.records, course.last, policy.hidden(known), budget.chance)
 

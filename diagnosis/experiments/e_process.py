@@ -65,7 +65,7 @@ class EProcess:
         """The logarithm [1] of a name's product; 0 where it was never tested."""
         return self.names.get(name, 0.0)
 
-    def sure(self, name: str, chance: float) -> bool:
+    def is_confirmed(self, name: str, chance: float) -> bool:
         """Whether a name may be told, if false ones are to come up with this probability [1] at most."""
         return min(self.any, self.of(name)) >= -math.log(chance)
 
@@ -73,8 +73,8 @@ class EProcess:
         """With the logarithms of the likelihood ratios [1] of one more record."""
         names = dict(self.names)
         for name, ratio in each.items():
-            names[name] = names.get(name, 0.0) + staked(ratio)
-        return EProcess(self.any + staked(whole), names)
+            names[name] = names.get(name, 0.0) + log_e_value(ratio)
+        return EProcess(self.any + log_e_value(whole), names)
 
     def decades(self) -> dict[str, Any]:
         """The decimal logarithms of the e-values [1], of anything and of each name, as a course holds them."""
@@ -83,7 +83,7 @@ class EProcess:
         return {"log10_e_value": self.any / decade, "log10_e_values": each}
 
 
-def staked(ratio: float) -> float:
+def log_e_value(ratio: float) -> float:
     """Logarithm of (1 + LR^TEMPER) / 2 [1], of that of LR."""
     return float(np.logaddexp(0.0, TEMPER * ratio) - np.log(2.0))
 

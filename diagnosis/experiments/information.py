@@ -30,7 +30,7 @@ FOLLOWS: Final = 0.5  # of the way: further off its reference a simulated machin
 
 
 @dataclass(frozen=True)
-class Told:
+class ExperimentInformation:
     """What one experiment tells in so many seconds [s]: distance (E, E), the squared distance [1] of each effect at its
     usual size from the nominal parameters (diagonal), and from the best fit by another; parameters (P, P), the
     information [1] on the nominal parameters, counted in their priors."""
@@ -42,15 +42,17 @@ class Told:
 
 
 @on_single_blas_thread
-def told(machine: Machine, found: Sequence[Experiment], names: Sequence[str], seed: int = 0) -> tuple[Told, ...]:
+def information_of(
+    machine: Machine, found: Sequence[Experiment], names: Sequence[str], seed: int = 0
+) -> tuple[ExperimentInformation, ...]:
     """What each experiment tells on effects of these names [1]; without those in which the simulated machine does not
     follow its reference."""
     known = with_units(machine, [_asked(machine, one) for one in found])  # in all of them an effect is the same
-    each = parallel_map(lambda one: _told(known, one, names, seed), found)
+    each = parallel_map(lambda one: _information_of(known, one, names, seed), found)
     return tuple(one for one in each if one is not None)
 
 
-def _told(machine: Machine, one: Experiment, names: Sequence[str], seed: int) -> Told | None:
+def _information_of(machine: Machine, one: Experiment, names: Sequence[str], seed: int) -> ExperimentInformation | None:
     try:
         fitted, record = virtual(machine, one.schedule, seed)
     except ArithmeticError:
@@ -65,7 +67,7 @@ def _told(machine: Machine, one: Experiment, names: Sequence[str], seed: int) ->
     whole = (fitted.slopes * layout.deviation).T @ (fitted.slopes * layout.deviation)
     free = np.linalg.solve(whole[np.ix_(starts, starts)] + np.eye(starts.size), whole[np.ix_(starts, kept)])
     information = whole[np.ix_(kept, kept)] - whole[np.ix_(kept, starts)] @ free
-    return Told(one, record.position.size * machine.sample_time, squared, information)
+    return ExperimentInformation(one, record.position.size * machine.sample_time, squared, information)
 
 
 def _asked(machine: Machine, one: Experiment) -> Record:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.answer import answered, doubted, explanations, form_parts, rivalling
+from diagnosis.answer import answer_of, doubted, explanations, form_parts, rivalling
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread
@@ -58,7 +58,7 @@ def look(baseline: Baseline, *, seed: int = 0, disabled: Collection[str] = ()) -
     """Which effects explain what the baseline leaves, if any; disabled: effects that are not to be used; SI."""
     pruned, answer = explanations(prune(select(baseline, disabled), baseline), baseline, disabled, seed)[0]
     if less := doubted(answer, answer.stages[-1].fitted, baseline):
-        answer = answered(without(pruned, less), pruned, baseline, seed)
+        answer = answer_of(without(pruned, less), pruned, baseline, seed)
     parts = form_parts(answer.stages, baseline)
     alike = rivalling(answer.stages, baseline.criteria, parts) if answer.outcome is Outcome.ATTRIBUTED else ()
     outcome = Outcome.AMBIGUOUS if alike else answer.outcome

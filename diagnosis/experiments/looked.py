@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Earlier:
+class EarlierLooks:
     """Looks before the present one: over how many records each was, what it found, the e-process by then; the last."""
 
     counts: tuple[int, ...]
@@ -31,7 +31,7 @@ class Earlier:
     last: Look
 
 
-def looked(
+def earlier_looks(
     machine: Machine,
     records: Sequence[Record],
     counts: Sequence[int],
@@ -39,7 +39,7 @@ def looked(
     *,
     begun: EProcess,
     say: Say = lambda _text: None,
-) -> Earlier:
+) -> EarlierLooks:
     """The looks at the first `counts` of the records, in growing order and at least one [SI].
 
     begun: the e-process that the first of them goes on from. Raises RecordError as a diagnosis does.
@@ -53,10 +53,10 @@ def looked(
         found.append(last.found)
         processes.append(process)
     assert last is not None
-    return Earlier(tuple(counts), tuple(found), tuple(processes), last)
+    return EarlierLooks(tuple(counts), tuple(found), tuple(processes), last)
 
 
-def with_last(earlier: Earlier, baseline: Baseline) -> tuple[EProcess, ...]:
+def with_last(earlier: EarlierLooks, baseline: Baseline) -> tuple[EProcess, ...]:
     """The e-processes of all looks, the present one's included; baseline: of all records."""
     return (*earlier.processes, tested(earlier.last, baseline, earlier.processes[-1]))
 
@@ -66,4 +66,4 @@ def standing(
 ) -> tuple[str, ...]:
     """Those of the names that count: of the first look, or confirmed by the time of any look; chance [1]: that a false
     one is ever confirmed."""
-    return tuple(name for name in names if name in first or any(one.sure(name, chance) for one in processes))
+    return tuple(name for name in names if name in first or any(one.is_confirmed(name, chance) for one in processes))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.e_process import EProcess
-from diagnosis.experiments.information import Told
+from diagnosis.experiments.information import ExperimentInformation
 from diagnosis.experiments.look import Found
 from diagnosis.verdict import Outcome
 from models.quantity import listed
@@ -57,7 +57,7 @@ class Knowledge:
     """
 
     effects: tuple[str, ...]
-    experiments: tuple[Told, ...]
+    experiments: tuple[ExperimentInformation, ...]
     runs: tuple[int, ...]
     found: tuple[Found, ...]
     process: EProcess
@@ -66,7 +66,7 @@ class Knowledge:
     criteria: Criteria = Criteria()
     barred: frozenset[int] = frozenset()
 
-    def within(self, seconds: float) -> dict[int, Told]:
+    def within(self, seconds: float) -> dict[int, ExperimentInformation]:
         """By place, the experiments that may be asked for and take no longer [s]."""
         places = enumerate(self.experiments)
         return {i: one for i, one in places if i not in self.barred and one.seconds <= seconds}
@@ -183,7 +183,7 @@ def ending(known: Knowledge, chance: float = CHANCE) -> tuple[Stop, str] | None:
     false name comes up in any look."""
     if not known.found:
         return None
-    if confirmed(known, chance) and not any(alike(known).values()):
+    if confirmed(known, chance) and not any(indistinguishable(known).values()):
         return Stop.NAMED, f"{_words(known.found[-1].names)}: confirmed by a record that did not choose it"
     recent = known.found[-LOOKS:]
     if len(recent) == LOOKS and all(one.outcome is Outcome.NONE for one in recent):
@@ -195,10 +195,10 @@ def confirmed(known: Knowledge, chance: float = CHANCE) -> bool:
     """Whether two looks one after another give the same names, and each of them is sure; chance as in `ending` [1]."""
     last, same = known.found[-1], {frozenset(one.names) for one in known.found[-2:]}
     named = last.outcome is Outcome.ATTRIBUTED and len(known.found) > 1 and len(same) == 1
-    return named and all(known.process.sure(name, chance) for name in last.names)
+    return named and all(known.process.is_confirmed(name, chance) for name in last.names)
 
 
-def alike(known: Knowledge) -> dict[str, tuple[str, ...]]:
+def indistinguishable(known: Knowledge) -> dict[str, tuple[str, ...]]:
     """By name that was given last, other effects that the records cannot tell from it at the size that was found, and
     that some experiment which still fits would."""
     weight, size = questions(known)
@@ -213,14 +213,16 @@ def alike(known: Knowledge) -> dict[str, tuple[str, ...]]:
     }
 
 
-def spent(known: Knowledge, chance: float = CHANCE, reason: str = "the machine's time is spent") -> tuple[Stop, str]:
+def ending_when_spent(
+    known: Knowledge, chance: float = CHANCE, reason: str = "the machine's time is spent"
+) -> tuple[Stop, str]:
     """How it ends, and why, where nothing more can be run; chance as in `ending` [1]."""
     last = known.found[-1]
     if last.outcome in {Outcome.PARAMETERS, Outcome.NOTHING}:
         return Stop(str(last.outcome)), reason
     if last.outcome is Outcome.NONE:
         return Stop.NONE, reason
-    sure = [name for name in last.names if known.process.sure(name, chance)]
+    sure = [name for name in last.names if known.process.is_confirmed(name, chance)]
     if sure and last.outcome is Outcome.ATTRIBUTED:
         open_ = [name for name in last.names if name not in sure]
         return Stop.NAMED, reason + (f"; {_words(open_)}: not confirmed" if open_ else "")

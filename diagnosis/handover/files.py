@@ -43,7 +43,7 @@ class Content(StrEnum):
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedFile:
     """A machine file as it is judged: the machine that was loaded from it, and the candidate whose errors are its own.
 
     The candidate knows two things that no file holds: where the friction elements stand at the start of each record,
@@ -54,12 +54,12 @@ class Judged:
     candidate: Candidate
 
 
-def judged(machine: Machine, starts: Sequence[Array], random_forces: Sequence[Resonance] = ()) -> Judged:
+def judged_file(machine: Machine, starts: Sequence[Array], random_forces: Sequence[Resonance] = ()) -> JudgedFile:
     """A machine as its file says. starts: displacements (N,) [m] of the friction elements by record; random_forces:
     those for which sines stand in the file."""
     file = loaded(machine, FILE)
     layout = parameters(file, len(starts))
-    return Judged(
+    return JudgedFile(
         file, Candidate(layout, _starting(layout, starts), _effects(file, random_forces), tuple(random_forces))
     )
 

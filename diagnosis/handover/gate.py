@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.handover.files import Content, Judged, judged, machine_of, starts_of
+from diagnosis.handover.files import Content, JudgedFile, judged_file, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished
 from diagnosis.how_far import Errors, Gap, errors_of
 from diagnosis.model.fit import Fit, without
@@ -76,7 +76,7 @@ class File:
     the fit behind it (None as delivered)."""
 
     name: str
-    judged: Judged
+    judged: JudgedFile
     gap: Gap
     held_out: Sums
     finished: Finished | None = None
@@ -198,7 +198,7 @@ def _harms(file: File, other: File) -> list[Harm]:
 def as_delivered(baseline: Baseline) -> File:
     """The machine as its file states it; only the starts of the records, which no file can know, are the re-fit's."""
     candidate = baseline.nominal.candidate
-    file = judged(candidate.nominal, starts_of(candidate))
+    file = judged_file(candidate.nominal, starts_of(candidate))
     left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
     return File(Content.DELIVERED, file, left.gap(), sums(left, baseline))
 
@@ -210,10 +210,10 @@ def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:
     return File(name, file, left.gap(), held_out(finished, baseline), finished)
 
 
-def file_of(candidate: Candidate, nominal: Machine, starts: Sequence[Array] | None = None) -> Judged:
+def file_of(candidate: Candidate, nominal: Machine, starts: Sequence[Array] | None = None) -> JudgedFile:
     """The file that is written of a fitted candidate; starts: displacements (N,) [m] of the friction by record, which
     no file holds, in place of the candidate's."""
-    return judged(machine_of(nominal, candidate), starts or starts_of(candidate), candidate.random_forces)
+    return judged_file(machine_of(nominal, candidate), starts or starts_of(candidate), candidate.random_forces)
 
 
 def held_out(finished: Finished, baseline: Baseline) -> Sums:
@@ -274,11 +274,11 @@ def offset_alone(baseline: Baseline, delivered: File) -> File:
     segment, force = baseline.segment, np.concatenate(left.force)
     part = parts(int(segment.max()) + 1)
 
-    def with_mean(used: NDArray[np.bool_]) -> Judged:
+    def with_mean(used: NDArray[np.bool_]) -> JudgedFile:
         machine = delivered.machine
         offset = machine.drive.offset + float(np.nanmean(force[used]))
         moved = replace(machine, drive=replace(machine.drive, offset=offset))
-        return judged(moved, starts_of(candidate))
+        return judged_file(moved, starts_of(candidate))
 
     def of_part(number: int) -> Sums:
         return sums(_errors(with_mean(part[segment] != number).candidate, baseline, paths), baseline)

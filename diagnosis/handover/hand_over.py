@@ -67,7 +67,7 @@ class Terms:
         before = self.refitted if start is None else start
         if before <= self.floor:
             return 0.0
-        return float(closed(before**2, self.after**2, self.floor**2, self.random**2))
+        return float(closure_share(before**2, self.after**2, self.floor**2, self.random**2))
 
     def to_json(self) -> dict[str, Any]:
         """With the formula, in which the terms have these names."""
@@ -83,7 +83,7 @@ class Terms:
         }
 
 
-def closed(before: Array | float, after: Array | float, floor: float, random: float = 0.0) -> Array:
+def closure_share(before: Array | float, after: Array | float, floor: float, random: float = 0.0) -> Array:
     """The closure [1] of mean squares [N^2] or [m^2]: of a gap above the floor, the share that is gone."""
     gap = np.maximum(np.asarray(before) - floor, 1e-30)
     return np.asarray(np.clip((np.asarray(before) - after + random) / gap, -1.0, 1.0))
@@ -280,7 +280,7 @@ def _terms_in(
     terms = Terms(first, then, last, least, random, measure)
     draws = np.random.default_rng(0).integers(0, refitted.count.size, (DRAWS, refitted.count.size))
     before = refitted.mean(measure, draws)
-    low, high = np.quantile(closed(before, after.mean(measure, draws), least**2, random**2), [0.025, 0.975])
+    low, high = np.quantile(closure_share(before, after.mean(measure, draws), least**2, random**2), [0.025, 0.975])
     interval = float(min(low, terms.closure())), float(max(high, terms.closure()))
     return (terms, interval), bool(np.quantile(before, 0.025) > least**2)
 

@@ -66,7 +66,7 @@ def _moved(delivered: Machine, improved: Machine) -> Iterator[tuple[str, Overrun
             yield one.origin, max(each, key=lambda row: row.deviations)
 
 
-def as_told(one: Overrun, machine: Machine) -> Overrun:
+def as_reported(one: Overrun, machine: Machine) -> Overrun:
     """The value as an engineer reads it: the gain of the rigid body as the mass [kg], any other as it is."""
     if one.name != _gain_of_mass(machine):
         return one

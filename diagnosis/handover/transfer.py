@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
-from diagnosis.handover.files import Content, judged, machine_of, starts_of
+from diagnosis.handover.files import Content, judged_file, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished, finished, still_fit
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, coordinates
@@ -162,7 +162,7 @@ def matrix(name: str, fits: Sequence[Fit], starts: Sequence[Array], baseline: Ba
         machine, random = machines[number], fits[number].candidate.random_forces
         found = []
         for j in range(count):
-            candidate = judged(machine, [starts[j]], random).candidate
+            candidate = judged_file(machine, [starts[j]], random).candidate
             found.append(_gap(candidate, baseline.records[j], baseline.driving[j]))
         return tuple(found)
 
@@ -172,7 +172,7 @@ def matrix(name: str, fits: Sequence[Fit], starts: Sequence[Array], baseline: Ba
 def as_delivered(starts: Sequence[Array], baseline: Baseline) -> Matrix:
     """The machine file as it was given, on each record; starts: displacements (N,) [m] of the friction by record."""
     pairs = zip(starts, baseline.records, baseline.driving, strict=True)
-    row = tuple(_gap(judged(baseline.machine, [start]).candidate, one, drives) for start, one, drives in pairs)
+    row = tuple(_gap(judged_file(baseline.machine, [start]).candidate, one, drives) for start, one, drives in pairs)
     return Matrix(Content.DELIVERED, (row,) * len(row))
 
 
@@ -183,9 +183,9 @@ def _gap(candidate: Candidate, record: Record, drives: Record) -> Gap:
 def on_record(machine: Machine, record: Record, drives: Record) -> Gap:
     """What a machine file leaves of a record that nothing was fitted to, its friction elements at first where they hold
     the first command."""
-    layout = judged(machine, [np.zeros(len(machine.friction.limit))]).candidate.layout
+    layout = judged_file(machine, [np.zeros(len(machine.friction.limit))]).candidate.layout
     start = static_equilibrium_start(layout, [record])[layout.of("initial_friction_state")]
-    return _gap(judged(machine, [start]).candidate, record, drives)
+    return _gap(judged_file(machine, [start]).candidate, record, drives)
 
 
 def per_record(fits: Sequence[Fit], baseline: Baseline) -> tuple[PerRecord, ...]:

@@ -21,8 +21,9 @@ All gains are those of the steady state, so that the innovations, and the smooth
 filters of (f, y). See T. Kailath, A. Sayed, B. Hassibi, Linear Estimation (2000), chapters 9 and 10.
 
 Where and how fast the table is at a record's first sample, one reading does not tell: it is noisy, and the table may
-move. Of a slow filter a wrong start is seen for thousands of samples. Both are fitted to the record (`begun`), within
-what a faster filter leaves open, and changes of the innovations are taken as they are after that (`beside_start`).
+move. Of a slow filter a wrong start is seen for thousands of samples. Both are fitted to the record
+(`likeliest_start`), within what a faster filter leaves open, and changes of the innovations are taken as they are after
+that (`beside_start`).
 """
 
 from __future__ import annotations
@@ -213,7 +214,7 @@ def at_rest(model: Predictor, reading: Array) -> Array:
     return start
 
 
-def begun(model: Predictor, force: Array, reading: Array) -> Array:
+def likeliest_start(model: Predictor, force: Array, reading: Array) -> Array:
     """The initial state (S,) [SI] whose position and speed explain the record best, all else at rest; force (n, M) [N],
     reading (n,) [m]."""
     head, start = slice(len(model.start_seen(reading.size))), at_rest(model, reading)

@@ -96,7 +96,7 @@ def search(fitted: Fit, records: Sequence[Record]) -> Candidate:
     return replace(candidate, theta=theta)
 
 
-def fine(machine: Machine) -> bool:
+def has_fine_scale(machine: Machine) -> bool:
     """Whether the scale resolves the friction finely."""
     return white_force(machine) < FINE_FORCE_SHARE * friction_force(machine)
 
@@ -107,7 +107,7 @@ def _points(machine: Machine) -> int:
     whose stiffness is their sum: with 9 points the search mistook them on a drawn machine (2,550 of chi-square, an
     innovation of 10 deviations), with 17 it did not."""
     fewest, most = START_POINTS
-    return int(np.clip(COLUMNS // len(machine.friction.limit), fewest, most)) if fine(machine) else fewest
+    return int(np.clip(COLUMNS // len(machine.friction.limit), fewest, most)) if has_fine_scale(machine) else fewest
 
 
 def _of_record(fitted: Fit, record: Record, index: int, begin: int, where: NDArray[np.int64]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.kalman import STARTING, begun, smoothed
+from diagnosis.model.kalman import STARTING, likeliest_start, smoothed
 from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor, vibration
@@ -30,7 +30,7 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
     def force(record: Record, residual: Residual) -> Array:
         moved = vibration(candidate, residual.force, record.sample_time)
         reading = record.position - residual.acts.reading - moved
-        states = smoothed(model, residual.force, reading, begun(model, residual.force, reading))
+        states = smoothed(model, residual.force, reading, likeliest_start(model, residual.force, reading))
         states[:STARTING, state] = np.nan
         return np.asarray(states[:, state])
 

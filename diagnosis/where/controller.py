@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.kalman import STARTING
 from diagnosis.where.added import AS_GOOD, Added, added
-from diagnosis.where.structure import Structure, judged, structure
+from diagnosis.where.structure import Structure, judged_samples, structure
 from models.controller import PID, Feedback
 from models.feedback.law import Law
 from models.machine import Machine
@@ -119,7 +119,7 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     other = None
     if least >= mended and rms < noise and largest < most:
         other = structure(record, begin)
-        there = float(np.std((record.command - made)[judged(record, begin)]))
+        there = float(np.std((record.command - made)[judged_samples(record, begin)]))
         if other is None or other.leaves >= criteria.replay_remedy * there:
             return replace(plain, tolerance=most, departs=None)
     # What is mapped to the feedforward and acts otherwise accuses no controller, though another law may do as well.

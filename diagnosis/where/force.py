@@ -22,9 +22,9 @@ from diagnosis.model.kalman import (
     STARTING,
     SUBSTEPS,
     Predictor,
-    begun,
     discretised,
     innovations,
+    likeliest_start,
     smoothed,
     smoother_gain,
 )
@@ -170,7 +170,7 @@ def _log_likelihoods(fitted: Fit, records: Sequence[Record], walk: float) -> Ite
 def _seen(model: Predictor, fitted: Fit, record: Record, index: int) -> tuple[Array, Array, Array]:
     """What filters take: the net force (n, M) [N], the reading (n,) [m] and the initial state (S,)."""
     seen, reading = fitted.residuals[index], explained_reading(fitted, record, index)
-    return seen.force, reading, begun(model, seen.force, reading)
+    return seen.force, reading, likeliest_start(model, seen.force, reading)
 
 
 def steady_deviation(plant: Plant, sample_time: float, *, walk: float, noise: float, white_force: float) -> float:

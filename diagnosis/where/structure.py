@@ -116,7 +116,7 @@ def _as_good(known: _Signals, left: float) -> float:
     return AS_GOOD_RATIO * max(left, EXACT * float(np.std(known.command)))
 
 
-def judged(record: Record, begin: int) -> slice:
+def judged_samples(record: Record, begin: int) -> slice:
     """The samples by which a structure is judged: of those in which the reference moves most, those from `begin` on."""
     part = _part(record, begin)
     return slice(part.start + begin, part.stop)

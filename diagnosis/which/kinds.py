@@ -16,7 +16,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import curves_over
 from diagnosis.model.fit import Fit, coordinates
 from diagnosis.which.free_form import free_form, member_columns, unit_columns
-from diagnosis.which.scan import NuisanceProjection, by_segment, judged, linear_columns, partial_out
+from diagnosis.which.scan import NuisanceProjection, by_segment, finding_of, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
 from models.effects.base import Effect, Kind, parameters
 from models.effects.measured import SIGNED, UNITS
@@ -107,7 +107,7 @@ def beside_free_forms(
     free = with_free_forms(own, fitted, records)
     given = linear_columns(other, fitted, records)
     known = {
-        effect.name: judged(effect, *by_segment(free(raw), free), free).held_out
+        effect.name: finding_of(effect, *by_segment(free(raw), free), free).held_out
         for effect, raw in zip(other, given, strict=True)
     }
     less = [replace(one, gain=min(one.gain, known.get(one.name, one.gain))) if one.effect else one for one in proposals]

@@ -153,7 +153,7 @@ def _findings(
     found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
-        found.append(judged(effect, products[:, begin:end], slopes[:, begin:end], projection))
+        found.append(finding_of(effect, products[:, begin:end], slopes[:, begin:end], projection))
         shown = products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2)
         if shown and not effect.differentiates:
             kept[effect] = given.astype(np.float32, copy=effect not in known)
@@ -171,7 +171,7 @@ def linear_columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Recor
     return np.split(whole, ends[:-1], axis=1)
 
 
-def judged(effect: Effect, products: Array, slopes: Array, projection: NuisanceProjection) -> Finding:
+def finding_of(effect: Effect, products: Array, slopes: Array, projection: NuisanceProjection) -> Finding:
     """The effect's amplitude by least squares, and its gains [1], from the sums of `by_segment` for its one or two
     columns: products (S, k, 2), slopes (S, k)."""
     k = slopes.shape[1]

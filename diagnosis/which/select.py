@@ -23,7 +23,7 @@ from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, amplitudes, fit, parameters_at_bounds
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
-from diagnosis.refit import started, weighed
+from diagnosis.refit import weighed, with_new_starts
 from diagnosis.which.detectors import detect, view
 from diagnosis.which.kinds import beside_free_forms, periods_shown
 from diagnosis.which.random_force import MIN_REFINED_GAIN, as_seen, is_about
@@ -58,7 +58,7 @@ class Search(Protocol):
         """Chi-square (draws,) [1] that complete models leave."""
 
     def examined(
-        self, stage: Stage, dull: Collection[str] = (), known: Columns = MappingProxyType({})
+        self, stage: Stage, negligible: Collection[str] = (), known: Columns = MappingProxyType({})
     ) -> tuple[Stage, Columns]:
         """The stage with what the detectors propose, and the scan's columns for the next stage."""
 
@@ -96,10 +96,10 @@ class RecordSearch:
         return self.baseline.floors
 
     def examined(
-        self, stage: Stage, dull: Collection[str] = (), known: Columns = MappingProxyType({})
+        self, stage: Stage, negligible: Collection[str] = (), known: Columns = MappingProxyType({})
     ) -> tuple[Stage, Columns]:
         """An effect in the model changes the columns of others to second order only, so they are computed once."""
-        seen = view(stage.fitted, self.baseline, self.disabled, dull, known)
+        seen = view(stage.fitted, self.baseline, self.disabled, negligible, known)
         detected = detect(seen)
         proposals = beside_free_forms(detected.proposals, stage.fitted, self.baseline.records, seen.own)
         return replace(stage, proposals=proposals), detected.columns
@@ -119,7 +119,7 @@ class RecordSearch:
         """Start states and white force, where what the trial gained may have stood in for them."""
         fitted, records = trial.fitted, self.baseline.records
         if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
-            fitted = started(fitted, records)
+            fitted = with_new_starts(fitted, records)
         if fitted.candidate.rough and not self.baseline.biased:  # whose weights are not those of the records
             fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
         if trial.proposal.decided and trial.proposal.gain > MIN_REFINED_GAIN:
@@ -152,14 +152,14 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
     """`select`, whatever proposes and fits."""
     criteria = search.criteria
     stage, columns = search.examined(Stage(nominal))
-    stages, set_aside, dull = [stage], set[str](), set[str]()
+    stages, set_aside, negligible = [stage], set[str](), set[str]()
     while True:
         shortlist = shortlisted(stages, search, set_aside) or slow_ones(stages, search, set_aside)
         decided = any(one.decided for one in shortlist)
         beside = () if decided or set_aside else overlooked(stages[-1], search, shortlist)
         shortlist = (*shortlist, *beside)
-        if not shortlist and dull and _surely_left(stages[-1].fitted, search):  # what gained nothing may gain now
-            (stages[-1], columns), dull = search.examined(stages[-1], (), columns), set()
+        if not shortlist and negligible and _surely_left(stages[-1].fitted, search):  # what gained nothing may gain now
+            (stages[-1], columns), negligible = search.examined(stages[-1], (), columns), set()
             continue
         if not shortlist:
             break
@@ -169,8 +169,8 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
             likeliest = min(trials, key=lambda trial: search.deviance(trial.fitted))
             trials = [likeliest] if likeliest.proposal.decided else [one for one in trials if not one.proposal.decided]
         if trials[0].proposal.decided:
-            dull = _dull(stages, criteria)
-            stage, columns = search.examined(_stage(search.settled(trials[0], stages[-1])), dull)
+            negligible = _negligible_effects(stages, criteria)
+            stage, columns = search.examined(_stage(search.settled(trials[0], stages[-1])), negligible)
             stages.append(stage)
             continue
         set_aside |= inadmissible(trials, stages, search) | _not_enough(trials, beside, stages[-1], search)
@@ -186,8 +186,8 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
             continue
         if _too_many(best.fitted, criteria):
             break
-        dull = _dull(stages, criteria)
-        stage, columns = search.examined(_beside_rivals(best, trials, stages[-1], search), dull, columns)
+        negligible = _negligible_effects(stages, criteria)
+        stage, columns = search.examined(_beside_rivals(best, trials, stages[-1], search), negligible, columns)
         stages.append(stage)
         set_aside = set()
     return tuple(stages)
@@ -432,7 +432,7 @@ def _surely_left(fitted: Fit, search: Search) -> bool:
     return left - float(np.mean(floors)) > search.criteria.missing_excess * float(np.std(floors))
 
 
-def _dull(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
+def _negligible_effects(stages: Sequence[Stage], criteria: Criteria) -> set[str]:
     """Effects that gained nothing at the first stage nor at the second: the scan does not look at them again."""
     if len(stages) < 2:
         return set()

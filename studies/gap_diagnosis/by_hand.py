@@ -11,7 +11,7 @@ from typing import Any
 from diagnosis.baseline import Baseline
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.e_process import EProcess
-from diagnosis.experiments.looked import Earlier, looked, standing, with_last
+from diagnosis.experiments.looked import EarlierLooks, earlier_looks, standing, with_last
 from diagnosis.experiments.policy import CHANCE
 from models.machine import Machine
 from models.quantity import listed
@@ -25,7 +25,7 @@ from studies.wording import effect
 class Before:
     """The looks before this one; course: of a machine that was asked before them, which they go on from."""
 
-    looks: Earlier
+    looks: EarlierLooks
     course: Course | None
 
 
@@ -49,7 +49,7 @@ def before(
     if not counts:
         return None
     begun = EProcess() if course is None else _reached(course)
-    return Before(looked(machine, records, counts, settings, begun=begun, say=say), course)
+    return Before(earlier_looks(machine, records, counts, settings, begun=begun, say=say), course)
 
 
 def _reached(course: Course) -> EProcess:

@@ -15,14 +15,14 @@ from typing import Any, Final
 import numpy as np
 
 from design.judging.known_range import with_covered
-from diagnosis.baseline import driven, refit_and_null
+from diagnosis.baseline import driving_record, refit_and_null
 from diagnosis.diagnose import NAMED, Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
-from diagnosis.handover.overrun import OVERRUN, as_told, overrun
+from diagnosis.handover.overrun import OVERRUN, as_reported, overrun
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.motions import PIECE_LOOP_TIMES, Piece
@@ -211,7 +211,9 @@ def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | No
         return None
     records = [one.content for one in apart if isinstance(one.content, Record)]
     handover, machine = found.how_far.handover, found.baseline.machine
-    driving = [driven(machine, record, replayed(machine, record, found.baseline.criteria)) for record in records]
+    driving = [
+        driving_record(machine, record, replayed(machine, record, found.baseline.criteria)) for record in records
+    ]
     files = []
     for file in handover.files:
         gaps = [on_record(file.machine, *pair).to_json() for pair in zip(records, driving, strict=True)]
@@ -257,7 +259,7 @@ def _results(
             "with_effects": variance_by_record(found.final).tolist(),
         },
         "overrun": [
-            asdict(as_told(one, given.machine)) for one in overrun(given.machine, improved_machine(found), OVERRUN)
+            asdict(as_reported(one, given.machine)) for one in overrun(given.machine, improved_machine(found), OVERRUN)
         ],
         "not_looked_for": _not_looked_for(given.machine),
         "catalogue": {name: _entry(name) for name in given.machine.kinds},

@@ -17,7 +17,6 @@ from diagnosis.closure import (
     NoiseFloor,
     RandomEnergy,
     _closure_of_force,
-    begun_as,
     gain_closure,
     gap_closure,
     gap_share,
@@ -26,6 +25,7 @@ from diagnosis.closure import (
     left_open,
     simulated_floor,
     weighted,
+    with_starts_of,
 )
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import strokes, together
@@ -187,7 +187,7 @@ def test_what_a_record_begins_from_is_not_left_out_with_its_first_motion() -> No
         return float(np.sqrt(np.mean(force[begins] ** 2)))
 
     assert left(apart) > 3 * left(still.candidate)
-    assert left(begun_as(still, apart)) < 1.2 * left(still.candidate)
+    assert left(with_starts_of(still, apart)) < 1.2 * left(still.candidate)
 
 
 ALIKE = Null({}, ((1.0,),), (4.0,))

@@ -53,7 +53,7 @@ def test_the_weights_are_those_under_which_no_value_is_moved(
         asked.append(roughness)
         return Chance(layout, roughness, enough)
 
-    monkeypatch.setattr(module, "begun", begun)
+    monkeypatch.setattr(module, "start_null", begun)
     records = recorded(MACHINE, (short(MACHINE),), seed=3)
     found = refit_and_null(MACHINE, records)
     assert found.nominal.candidate.roughness == taken

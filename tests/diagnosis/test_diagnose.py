@@ -18,7 +18,7 @@ from diagnosis.diagnose import Diagnosis, diagnose, to_json
 from diagnosis.evidence import evidence, examined
 from diagnosis.experiments.confusability import confusability
 from diagnosis.experiments.schedules import strokes
-from diagnosis.handover.files import judged, starts_of
+from diagnosis.handover.files import judged_file, starts_of
 from diagnosis.handover.gate import offset_alone
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine, without_effects
@@ -91,7 +91,7 @@ def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> Non
     assert isinstance(std, float)
     assert truth.plant.dead_time != MACHINE.plant.dead_time
     assert abs(written.plant.dead_time - truth.plant.dead_time) < 4 * std < MACHINE.tolerances.dead_time
-    file = judged(load(path), starts_of(adopted.fitted.candidate)).candidate
+    file = judged_file(load(path), starts_of(adopted.fitted.candidate)).candidate
     left = errors_of(file, found.baseline.records, smooth(file, found.baseline.records)).gap()
     told = to_json(found)["how_far"]
     assert adopted.name == told["adopted_file"] == "with effects"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.how_far import acting, errors_of
+from diagnosis.how_far import effect_magnitude, errors_of
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, SmoothedPath, smooth
 from diagnosis.model.start_states import static_equilibrium_start
@@ -43,7 +43,9 @@ def rms(signal: object) -> float:
 def test_an_effect_of_a_force_acts_in_newtons(seen: Seen) -> None:
     """Drag is in proportion to the speed, and a spring to the way, whatever else acts."""
     candidate, (record,), paths = seen
-    drag, spring = (acting(name, candidate, (record,), paths) for name in ("viscous_friction", "cable_spring"))
+    drag, spring = (
+        effect_magnitude(name, candidate, (record,), paths) for name in ("viscous_friction", "cable_spring")
+    )
     assert drag is not None
     assert spring is not None
     assert drag.force == pytest.approx(40.0 * rms(np.diff(record.position) / record.sample_time), rel=0.02)
@@ -53,7 +55,7 @@ def test_an_effect_of_a_force_acts_in_newtons(seen: Seen) -> None:
 
 def test_an_effect_on_the_reading_acts_in_metres(seen: Seen) -> None:
     candidate, (record,), paths = seen
-    ripple = acting("scale_periodic_error", candidate, (record,), paths)
+    ripple = effect_magnitude("scale_periodic_error", candidate, (record,), paths)
     assert ripple is not None
     assert ripple.force is None
     own = 1e-7 * np.sin(2 * np.pi * record.position / 4e-5 + 1.0)
@@ -61,7 +63,7 @@ def test_an_effect_on_the_reading_acts_in_metres(seen: Seen) -> None:
 
 
 def test_what_is_not_in_the_model_does_nothing(seen: Seen) -> None:
-    assert acting("cogging", *seen) is None
+    assert effect_magnitude("cogging", *seen) is None
 
 
 def test_a_closed_loop_begins_where_its_record_does() -> None:

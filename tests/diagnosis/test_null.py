@@ -46,21 +46,21 @@ def test_columns_of_the_same_table_give_the_findings_that_it_gives_alone() -> No
 
 def test_what_tables_share_gives_the_thresholds_that_each_gives_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
-    shared = null.begun(layout, RECORDS, draws=4).completed()
+    shared = null.start_null(layout, RECORDS, draws=4).completed()
 
     def alone_scan(fitted: Fit, records: Sequence[Record], own: NuisanceProjection, known: object = None) -> object:
         del known
         return scan(fitted, records, own)
 
     monkeypatch.setattr(null, "scan", alone_scan)
-    alone = null.begun(layout, RECORDS, draws=4).completed()
+    alone = null.start_null(layout, RECORDS, draws=4).completed()
     for name, gains in alone.gains.items():  # of the first table, they are the same by construction
         assert max(shared.gains[name][1:]) == pytest.approx(max(gains[1:]), rel=0.3, abs=0.1 * CRITERIA.min_gain), name
 
 
 def test_what_complete_models_leave_takes_no_scan_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     layout = parameters(MACHINE, len(RECORDS))
-    first = null.begun(layout, RECORDS, draws=3, cache=tmp_path / "null")
+    first = null.start_null(layout, RECORDS, draws=3, cache=tmp_path / "null")
     scans = []
 
     def counted(*given: Any, **options: Any) -> Any:
@@ -73,7 +73,7 @@ def test_what_complete_models_leave_takes_no_scan_of_them(tmp_path: Path, monkey
     whole = first.completed()
     assert len(scans) == 2
     assert usual == whole.usual
-    again = null.begun(layout, RECORDS, draws=3, cache=tmp_path / "null")
+    again = null.start_null(layout, RECORDS, draws=3, cache=tmp_path / "null")
     assert again.usual() == usual
     assert again.completed() == whole
     assert len(scans) == 2
@@ -83,9 +83,9 @@ def test_one_step_from_the_truth_is_as_good_as_a_fit(monkeypatch: pytest.MonkeyP
     layout = parameters(MACHINE, len(RECORDS))
     start = Candidate(layout, static_equilibrium_start(layout, RECORDS))
     assert one_step(start, RECORDS).cost < fit(start, RECORDS, iterations=0).cost - CRITERIA.min_gain
-    step = null.begun(layout, RECORDS, draws=3).completed()
+    step = null.start_null(layout, RECORDS, draws=3).completed()
     monkeypatch.setattr(null, "one_step", fit)
-    whole = null.begun(layout, RECORDS, draws=3).completed()
+    whole = null.start_null(layout, RECORDS, draws=3).completed()
     for name, gains in whole.gains.items():
         assert step.gains[name] == pytest.approx(gains, abs=0.1 * CRITERIA.min_gain), name
     assert np.array(step.variance) == pytest.approx(np.array(whole.variance), rel=1e-3)
@@ -158,7 +158,7 @@ def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def looked_up(cache: Path) -> Null:
-    return null.begun(parameters(MACHINE, len(RECORDS)), RECORDS, cache=cache, draws=2).completed()
+    return null.start_null(parameters(MACHINE, len(RECORDS)), RECORDS, cache=cache, draws=2).completed()
 
 
 def test_what_was_kept_is_read_again(cached: Path) -> None:

@@ -122,7 +122,7 @@ def test_starts_on_a_fine_scale_are_searched_under_a_faster_walk_too_and_the_bet
     monkeypatch.setattr(refit_module, "search", lambda fitted, _: fitted.candidate)
     monkeypatch.setattr(refit_module, "fit", lambda *_, **__: given)
     monkeypatch.setattr(refit_module, "_forgiving", lambda *_: other)
-    assert refit_module.started(given, records) is (other if fine and cheaper else given)
+    assert refit_module.with_new_starts(given, records) is (other if fine and cheaper else given)
 
 
 @pytest.mark.parametrize("fine", [False, True])
@@ -145,7 +145,7 @@ def test_starts_are_found_before_values_where_a_fine_scale_leaves_more_than_nois
             asked.append(given[2])
             return next(fits)
 
-        monkeypatch.setattr(refit_module, "_begun", begun)
-        monkeypatch.setattr(refit_module, "started", lambda found, _: found)
+        monkeypatch.setattr(refit_module, "_first_fit", begun)
+        monkeypatch.setattr(refit_module, "with_new_starts", lambda found, _: found)
         assert refit_module.refit(layout, records) is (kept if fine else first)
         assert asked == (steps if fine else [3])

@@ -12,7 +12,7 @@ import pytest
 from diagnosis.experiments import active
 from diagnosis.experiments.active import Budget, NotRun, ask, to_json
 from diagnosis.experiments.e_process import EProcess
-from diagnosis.experiments.information import Told, told
+from diagnosis.experiments.information import ExperimentInformation, information_of
 from diagnosis.experiments.look import Found
 from diagnosis.experiments.policy import Stop
 from diagnosis.experiments.schedules import Schedule
@@ -34,18 +34,18 @@ NOTHING, COGGING = answer(Outcome.NOTHING), answer(Outcome.ATTRIBUTED, "cogging"
 
 
 @pytest.fixture(scope="module")
-def menu() -> tuple[Told, ...]:
+def menu() -> tuple[ExperimentInformation, ...]:
     """What the experiments tell about three effects, computed once."""
-    return told(MACHINE, experiments(MACHINE, BUDGET.bounds), NAMES)
+    return information_of(MACHINE, experiments(MACHINE, BUDGET.bounds), NAMES)
 
 
 @pytest.fixture
-def script(menu: tuple[Told, ...], monkeypatch: pytest.MonkeyPatch) -> Any:
+def script(menu: tuple[ExperimentInformation, ...], monkeypatch: pytest.MonkeyPatch) -> Any:
     """Lets the looks give these answers, one after another, and each test of a name this e-value."""
 
     def prepared(answers: Sequence[Any], gain: float) -> None:
         left = list(answers)
-        monkeypatch.setattr(active, "told", lambda *_: menu)
+        monkeypatch.setattr(active, "information_of", lambda *_: menu)
         monkeypatch.setattr(active, "names_of", lambda *_: NAMES)
         monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: records)
         monkeypatch.setattr(active, "look", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])

@@ -28,7 +28,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, columns, evaluate
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import words
-from diagnosis.which.scan import by_segment, judged, partial_out, quadratures
+from diagnosis.which.scan import by_segment, finding_of, partial_out, quadratures
 from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every, looked_for
@@ -86,7 +86,7 @@ def test_the_distance_is_what_the_simulated_effect_gains(name: str) -> None:
     given = projection(
         columns(fit.candidate, [(effect,)], records, fit.paths, fit.residuals) * weights(records)[:, None]
     )
-    gain = judged(effect, *by_segment(given, projection), projection).gain
+    gain = finding_of(effect, *by_segment(given, projection), projection).gain
     assert gain == pytest.approx(_expected(effect), rel=0.35)
     assert gain > THRESHOLD
 
@@ -181,7 +181,7 @@ def test_the_proposal_holds_when_it_is_run() -> None:
         given = projection(
             columns(fit.candidate, variants, records, fit.paths, fit.residuals) * weights(records)[:, None]
         )
-        gains[effect.name] = judged(effect, *by_segment(given, projection), projection).gain
+        gains[effect.name] = finding_of(effect, *by_segment(given, projection), projection).gain
     assert gains["cogging"] - gains["cable_spring"] > THRESHOLD
 
 

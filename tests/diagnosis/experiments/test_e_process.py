@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.experiments import e_process
-from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, predictive, staked
+from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, log_e_value, predictive
 from diagnosis.experiments.look import Found, Look
 from diagnosis.experiments.schedules import Experiment, strokes
 from diagnosis.experiments.within_limits import Bounds, experiments
@@ -62,7 +62,7 @@ def _largest(rng: np.random.Generator, looks: int, variance: float, size: float,
         slopes, effect = np.vstack([slopes, more]), np.append(effect, column)
         seen = np.sqrt(variance) * rng.standard_normal(n) - more @ parameters - there * column
         left = np.append(left, seen)
-        product += staked(_log_ratio(left, slopes, effect, left.size - n))
+        product += log_e_value(_log_ratio(left, slopes, effect, left.size - n))
         most = max(most, product)
     return most
 
@@ -95,12 +95,12 @@ def test_untempered_ratios_would_raise_false_alarms_where_the_noise_is_larger() 
 
 def test_a_wrong_choice_costs_half_and_names_are_kept_apart() -> None:
     process = EProcess().after(-1e6, {"cogging": -1e6}).after(20.0, {"stribeck": 20.0})
-    assert process.any == pytest.approx(-np.log(2) + staked(20.0))
+    assert process.any == pytest.approx(-np.log(2) + log_e_value(20.0))
     assert process.of("cogging") == pytest.approx(-np.log(2))
     assert process.of("play") == 0.0
-    assert process.sure("stribeck", 0.02)
-    assert not process.sure("cogging", 0.02)
-    assert not process.sure("stribeck", 1e-6)
+    assert process.is_confirmed("stribeck", 0.02)
+    assert not process.is_confirmed("cogging", 0.02)
+    assert not process.is_confirmed("stribeck", 1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -134,9 +134,9 @@ def test_interpolated_samples_are_no_evidence(dragged: tuple[Baseline, Baseline]
     assert e_process.tested(before, dragged[0], EProcess()) == EProcess()
 
 
-def _ratio(staked: float) -> float:
-    """The logarithm of the likelihood ratio that `staked` made this of."""
-    return float((staked + np.log(2 - np.exp(-staked))) / TEMPER)
+def _ratio(log_e: float) -> float:
+    """The logarithm of the likelihood ratio that `log_e_value` made this of."""
+    return float((log_e + np.log(2 - np.exp(-log_e))) / TEMPER)
 
 
 @pytest.mark.parametrize("replays", [False, True])
@@ -149,7 +149,7 @@ def test_a_controller_alone_is_tested_by_its_replays_of_the_new_records(
         known_replays=tuple(replace(one, checked=True, departs=None if replays else 5) for one in dragged[1].replays),
     )
     process = e_process.tested(_look(dragged[0], ("controller_mismatch",), ()), now, EProcess())
-    assert process.sure("controller_mismatch", 1e-6) is not replays
+    assert process.is_confirmed("controller_mismatch", 1e-6) is not replays
     assert (process.any > 0) is not replays
 
 
@@ -182,7 +182,7 @@ def _e_values(layout: Parameters, menu: Sequence[Experiment], laws: Sequence[Eff
         free = column[:first] - slopes[:first] @ np.linalg.solve(inner, slopes[:first].T @ column[:first])
         if (energy := free @ column[:first]) > 1e-6:
             shift = -(free @ base[:first]) / energy * column
-            found.append(float(np.exp(staked(_log_ratio(base, slopes, shift, first)))))
+            found.append(float(np.exp(log_e_value(_log_ratio(base, slopes, shift, first)))))
     return found
 
 

@@ -15,7 +15,7 @@ from diagnosis.experiments import looked as module
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.look import Found
-from diagnosis.experiments.looked import looked, standing, with_last
+from diagnosis.experiments.looked import earlier_looks, standing, with_last
 from diagnosis.experiments.policy import CHANCE
 from diagnosis.experiments.schedules import strokes
 from diagnosis.verdict import Outcome
@@ -30,13 +30,13 @@ def test_drag_is_confirmed_by_a_new_record_that_has_it_and_not_by_one_without(nu
     """The look names it on the first record; the evidence is that of the second alone."""
     machine, moves = table(), (strokes(table(), 10e-3, (0.1,), passes=2),)
     (first,) = recorded(machine, moves, [ViscousFriction(40.0)], seed=1, wrong=0.0)
-    earlier = looked(machine, (first,), (1,), Settings(cache=null_cache), begun=EProcess())
+    earlier = earlier_looks(machine, (first,), (1,), Settings(cache=null_cache), begun=EProcess())
     assert earlier.found[0].names == ("viscous_friction",)
     assert earlier.processes == (EProcess(),)
     for effects, sure in (([ViscousFriction(40.0)], True), ([], False)):
         (second,) = recorded(machine, moves, effects, seed=2, wrong=0.0)
         _, process = with_last(earlier, refit_and_null(machine, (first, second), cache=null_cache))
-        assert process.sure("viscous_friction", CHANCE) is sure
+        assert process.is_confirmed("viscous_friction", CHANCE) is sure
 
 
 def test_each_look_is_at_the_records_that_there_were_and_is_tested_on_those_since(
@@ -54,7 +54,7 @@ def test_each_look_is_at_the_records_that_there_were_and_is_tested_on_those_sinc
     monkeypatch.setattr(module, "look", lambda baseline, **_: SimpleNamespace(found=found, baseline=baseline))
     monkeypatch.setattr(module, "tested", tested)
     begun, records = EProcess(3.0), (1, 2, 3, 4)
-    earlier = looked(load(), records, (1, 3), Settings(), begun=begun)  # type: ignore[arg-type]
+    earlier = earlier_looks(load(), records, (1, 3), Settings(), begun=begun)  # type: ignore[arg-type]
     processes = with_last(earlier, records)  # type: ignore[arg-type]
     assert seen == [((1,), (1, 2, 3)), ((1, 2, 3), records)]
     assert [one.any > before.any for before, one in pairwise(processes)] == [True, True]

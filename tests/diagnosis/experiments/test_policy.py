@@ -10,7 +10,7 @@ import pytest
 from diagnosis.criteria import Criteria
 from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess
-from diagnosis.experiments.information import Told
+from diagnosis.experiments.information import ExperimentInformation
 from diagnosis.experiments.look import Found
 from diagnosis.experiments.policy import Knowledge, Stop
 from diagnosis.experiments.schedules import Experiment, Move, schedule
@@ -25,9 +25,9 @@ COGGING = Found(Outcome.ATTRIBUTED, ("cogging",), (), {"cogging": 500.0})
 NONE = Found(Outcome.NONE, (), (), {"cogging": 500.0, "play": 100.0})
 
 
-def one(name: str, seconds: float, distance: np.ndarray, information: float = 1.0) -> Told:
+def one(name: str, seconds: float, distance: np.ndarray, information: float = 1.0) -> ExperimentInformation:
     planned = schedule(name, load(), [Move(1e-5, 0.1, 0.1)])
-    return Told(Experiment(name, planned), seconds, distance, information * np.eye(2))
+    return ExperimentInformation(Experiment(name, planned), seconds, distance, information * np.eye(2))
 
 
 def apart(cogging: float, stribeck: float, play: float, alike: float = 1.0) -> np.ndarray:
@@ -108,7 +108,7 @@ def test_it_ends_with_a_name_only_if_confirmed_twice_sure_and_alone() -> None:
 def test_it_goes_on_while_another_effect_is_alike_that_could_be_told_apart() -> None:
     """And no longer where nothing that still fits would tell them apart."""
     early = known(COGGING, COGGING, process=SURE)
-    assert set(policy.alike(early)["cogging"]) == {"stribeck", "play"}
+    assert set(policy.indistinguishable(early)["cogging"]) == {"stribeck", "play"}
     assert policy.ending(early) is None
     assert policy.ending(replace(early, seconds=1.0)) is not None
 
@@ -131,7 +131,7 @@ def test_nothing_of_these_is_said_after_three_looks() -> None:
     ],
 )
 def test_when_time_is_spent_only_sure_names_are_given(found: Found, process: EProcess, stop: Stop, said: str) -> None:
-    ended, why = policy.spent(known(found, process=process))
+    ended, why = policy.ending_when_spent(known(found, process=process))
     assert ended is stop
     assert said in why
 

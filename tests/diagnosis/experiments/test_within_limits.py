@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.experiments.confusability import distances, products
-from diagnosis.experiments.information import told
+from diagnosis.experiments.information import information_of
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.experiments.within_limits import BUILDERS, Bounds, experiments
@@ -71,7 +71,7 @@ def test_what_two_experiments_tell_is_no_more_than_they_tell_in_one_record() -> 
     machine = load()
     menu = experiments(machine, AMPLE)
     chosen = [one for one in menu if one.schedule.name in {"own test", "equal strokes"}]
-    each = told(machine, chosen, EFFECTS)
+    each = information_of(machine, chosen, EFFECTS)
     joined = together("both", [one.schedule for one in chosen])
     longest = max(one.schedule.given.position.max() for one in chosen)
     priors = replace(machine.priors, units=replace(units(machine), travel=longest))
@@ -88,5 +88,5 @@ def test_an_experiment_that_the_machine_does_not_follow_is_left_out() -> None:
     machine = load()
     slack = replace(machine, control=replace(machine.control, pid=replace(machine.control.pid, kp=1.0, ki=0.0, kd=1.0)))
     menu = experiments(machine, AMPLE)[:1]
-    assert len(told(machine, menu, EFFECTS)) == 1
-    assert told(slack, menu, EFFECTS) == ()
+    assert len(information_of(machine, menu, EFFECTS)) == 1
+    assert information_of(slack, menu, EFFECTS) == ()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.handover.files import judged, machine_of, starts_of
+from diagnosis.handover.files import judged_file, machine_of, starts_of
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from models.effects.base import Effect
@@ -22,7 +22,7 @@ def written(effect: Effect) -> Effect:
     """The effect as it is read from the file that is written of a candidate with it."""
     layout = parameters(MACHINE, 1)
     candidate = Candidate(layout, np.zeros(layout.count), (effect,))
-    (found,) = judged(machine_of(MACHINE, candidate), starts_of(candidate)).machine.effects
+    (found,) = judged_file(machine_of(MACHINE, candidate), starts_of(candidate)).machine.effects
     return found
 
 

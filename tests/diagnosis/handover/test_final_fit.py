@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.experiments.schedules import strokes
-from diagnosis.handover.files import judged, machine_of, starts_of
+from diagnosis.handover.files import judged_file, machine_of, starts_of
 from diagnosis.handover.final_fit import at_bounds, finished, freed, plant_at_bounds, roomier
 from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, bounds_of, fit
@@ -86,7 +86,7 @@ def test_more_room_leads_no_mode_beyond_what_the_controller_samples() -> None:
         assert ("additional_mode", "frequency") in [(one.part, one.name) for one in at_bounds(candidate)]
         roomy = roomier(fit(candidate, [record], iterations=1), [record])
         layout = roomy.candidate.layout
-    judged(machine_of(AXIS, roomy.candidate), starts_of(roomy.candidate))
+    judged_file(machine_of(AXIS, roomy.candidate), starts_of(roomy.candidate))
 
 
 def test_the_file_keeps_the_machine_files_priors_and_leaves_no_constant_force() -> None:
@@ -94,9 +94,9 @@ def test_the_file_keeps_the_machine_files_priors_and_leaves_no_constant_force() 
     found = finished(_searched(record), [record])
     machine = machine_of(AXIS, found.candidate)
     assert machine.priors == AXIS.priors
-    file = judged(machine, starts_of(found.candidate))
+    file = judged_file(machine, starts_of(found.candidate))
     left = errors_of(file.candidate, [record], smooth(file.candidate, [record])).gap()
-    before = judged(AXIS, starts_of(found.candidate)).candidate
+    before = judged_file(AXIS, starts_of(found.candidate)).candidate
     delivered = errors_of(before, [record], smooth(before, [record])).gap()
     assert delivered.force == pytest.approx(5.0, rel=0.05)  # a constant counts
     assert left.force < 0.1

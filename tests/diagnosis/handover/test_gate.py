@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.handover.gate import File, Sums, chosen
-from diagnosis.handover.hand_over import Terms, closed
+from diagnosis.handover.hand_over import Terms, closure_share
 from diagnosis.how_far import Gap
 
 MOTIONS = 24
@@ -148,4 +148,4 @@ def test_the_closure_follows_from_its_terms() -> None:
     assert terms.closure() == pytest.approx((4.8**2 - 2.1**2) / (4.8**2 - 0.5**2))
     assert terms.closure(terms.delivered) == pytest.approx((26.6**2 - 2.1**2) / (26.6**2 - 0.5**2))
     assert terms.closure(2.1) == 0.0
-    assert closed(1.0, 9.0, 0.1) == -1.0
+    assert closure_share(1.0, 9.0, 0.1) == -1.0

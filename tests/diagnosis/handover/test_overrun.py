@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from diagnosis.handover.overrun import as_told, overrun
+from diagnosis.handover.overrun import as_reported, overrun
 from models.machine import Provenance, load
 from models.plant import Mode
 
@@ -41,7 +41,7 @@ def test_the_mass_comes_first_and_is_told_as_one() -> None:
     found = overrun(stated, replace(stated, plant=replace(stated.plant, modes=moved_modes)), 10.0)
     assert [one.name for one in found] == [*names]
     assert found[0].deviations < found[1].deviations
-    mass, other = (as_told(one, stated) for one in found)
+    mass, other = (as_reported(one, stated) for one in found)
     assert (mass.name, mass.unit, other) == ("plant.mass", "kg", found[1])
     assert (mass.before, mass.now) == pytest.approx((1 / rigid.gain, 1 / rigid.gain / 1.03))
     assert mass.std / mass.before == pytest.approx(1e-5 / rigid.gain)

@@ -11,7 +11,7 @@ import pytest
 
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
-from diagnosis.diagnose import taken_back
+from diagnosis.diagnose import is_withdrawn
 from diagnosis.handover import transfer
 from diagnosis.handover.hand_over import HowFar, Terms
 from diagnosis.handover.transfer import Matrix, PerRecord, Transfer, differing, without_effects_of_records
@@ -121,10 +121,10 @@ def test_a_file_without_the_effects_of_single_records_takes_no_name_back(
     assert far.left_out == (("cogging",) if kept_out else ())
     fitted: Any = SimpleNamespace(candidate=ripple)
     closure = Closure(0.94, (0.89, 0.97), excess, unused, by_force=by_force)
-    assert taken_back(("cogging",), fitted, closure, far, Criteria()) == (not kept_out)
+    assert is_withdrawn(("cogging",), fitted, closure, far, Criteria()) == (not kept_out)
     at_floor = replace(closure, excess=1.0, by_force=False)
-    assert taken_back(("cogging",), fitted, at_floor, far, Criteria()) == (not kept_out)
-    assert not taken_back(("cogging",), fitted, at_floor, replace(far, interval=(-0.004, 0.3)), Criteria())
+    assert is_withdrawn(("cogging",), fitted, at_floor, far, Criteria()) == (not kept_out)
+    assert not is_withdrawn(("cogging",), fitted, at_floor, replace(far, interval=(-0.004, 0.3)), Criteria())
 
 
 def test_where_nothing_is_left_a_file_that_surely_closes_next_to_nothing_takes_a_name_back() -> None:
@@ -141,7 +141,7 @@ def test_where_nothing_is_left_a_file_that_surely_closes_next_to_nothing_takes_a
     ):
         fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), (effect,)))
         far = HowFar((), Gap(1.0, 1.0, None), "simulated", terms, (-0.14, high), unused, 1.0)
-        assert taken_back((effect.name,), fitted, closure, far, Criteria()) == back
+        assert is_withdrawn((effect.name,), fitted, closure, far, Criteria()) == back
 
 
 @pytest.mark.parametrize(
@@ -160,4 +160,4 @@ def test_on_a_rough_drive_a_name_stands_only_if_it_surely_closes_beside_a_plant_
     far = HowFar((), Gap(1.0, 1.0, None), "repeats", terms, (low, 1.0), unused, 1.0)
     fitted: Any = SimpleNamespace(candidate=rough)
     closure = Closure(0.94, (0.89, 0.97), 0.5, unused)
-    assert taken_back(("cogging",), fitted, closure, far, Criteria()) == back
+    assert is_withdrawn(("cogging",), fitted, closure, far, Criteria()) == back

@@ -18,11 +18,11 @@ from diagnosis.model.kalman import (
     Resonance,
     adjoint,
     at_rest,
-    begun,
     beside_start,
     changes,
     discretised,
     innovations,
+    likeliest_start,
     predictor,
     responses,
     smoothed,
@@ -156,7 +156,7 @@ def test_a_table_that_moves_when_its_record_begins_leaves_white_innovations(star
     begin = (3e-7, 1e-4)
     reading, _ = _simulated(model, 1e-5, 4e-8, 4, 3 * length, 1e-3, begin)
     still = np.zeros((reading.size, SUBSTEPS))
-    resting, fitted = at_rest(model, reading), begun(model, still, reading)
+    resting, fitted = at_rest(model, reading), likeliest_start(model, still, reading)
     before, after = (innovations(model, still, reading, one) / model.deviation for one in (resting, fitted))
     counts = slice(STARTING, length)
     assert np.mean(before[counts] ** 2) > 3.0

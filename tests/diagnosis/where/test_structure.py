@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.where.controller import replayed, starting
-from diagnosis.where.structure import MAX_FITTED_SAMPLES, judged, structure
+from diagnosis.where.structure import MAX_FITTED_SAMPLES, judged_samples, structure
 from models.controller import PID
 from models.feedback.forms import NO_FILTERS, Cascade, Filters, LowPass, Notch
 from models.machine import Machine
@@ -123,7 +123,7 @@ def test_noise_of_the_log_that_is_not_everywhere_is_what_it_is_where_a_structure
     machine = axis(CASCADE)
     machine = replace(machine, scale=replace(machine.scale, resolution=coarse))
     record = recorded(machine, count=3 * MAX_FITTED_SAMPLES)
-    part = judged(record, 60)
+    part = judged_samples(record, 60)
     assert part.stop - part.start == MAX_FITTED_SAMPLES - 60
     draw = np.random.default_rng(1).uniform(-coarse / 4, coarse / 4, record.position.size)
     draw[part.start - 60 : part.stop] /= 20
@@ -196,7 +196,7 @@ def test_a_reference_that_was_logged_late_is_told() -> None:
 
 def test_a_law_that_takes_longer_to_settle_than_the_samples_that_are_fitted_is_judged_all_the_same() -> None:
     record = recorded(axis(CASCADE), count=4 * MAX_FITTED_SAMPLES)
-    part = judged(record, MAX_FITTED_SAMPLES)
+    part = judged_samples(record, MAX_FITTED_SAMPLES)
     assert part.stop - part.start == MAX_FITTED_SAMPLES
     found = structure(record, MAX_FITTED_SAMPLES)
     assert found is not None

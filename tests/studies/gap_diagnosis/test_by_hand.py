@@ -10,7 +10,7 @@ import pytest
 
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.look import Found
-from diagnosis.experiments.looked import Earlier
+from diagnosis.experiments.looked import EarlierLooks
 from diagnosis.verdict import Outcome
 from studies.gap_diagnosis import by_hand
 from studies.gap_diagnosis.by_hand import Before, course_of, require_growing
@@ -28,7 +28,7 @@ def verdict(outcome: str, *names: str) -> dict[str, Any]:
 def earlier(*names: str, course: dict[str, Any] | None = None) -> Before:
     """One look at the first record, which named these."""
     found = Found(Outcome.ATTRIBUTED if names else Outcome.NOTHING, names, (), {})
-    return Before(Earlier((1,), (found,), (EProcess(),), SimpleNamespace()), course)  # type: ignore[arg-type]
+    return Before(EarlierLooks((1,), (found,), (EProcess(),), SimpleNamespace()), course)  # type: ignore[arg-type]
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from diagnosis.handover.files import judged
+from diagnosis.handover.files import judged_file
 from diagnosis.how_far import errors_of
 from diagnosis.model.parameters import LOOSE_BOUND_STDS, MASS_BOUND_STDS, PRIOR_BOUND_STDS
 from diagnosis.model.residual import smooth
@@ -142,7 +142,7 @@ def test_the_written_file_leaves_what_the_answer_says(data: Path, folder: Path, 
     machine = load(folder / "improved.toml")
     found = loaded(machine, DiagnosisOptions(record=(data,)))
     records = tuple(one.content for one in found if isinstance(one.content, Record))
-    candidate = judged(machine, [np.zeros(1)]).candidate
+    candidate = judged_file(machine, [np.zeros(1)]).candidate
     left = errors_of(candidate, records, smooth(candidate, records)).gap()
     told = results["how_far"]["gap_improved"]
     assert results["how_far"]["adopted_file"] == "with effects"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.handover.files import judged
+from diagnosis.handover.files import judged_file
 from diagnosis.how_far import quiet
 from diagnosis.null import simulated
 from models.machine import load
@@ -48,7 +48,7 @@ def test_the_simulation_s_dither_is_in_its_loop() -> None:
     """The feedback answers to it, by its proportional gain at least; without one two seeds are the same run."""
     machine, size = load(), 1e-7
     (drives,) = made(machine, 0, quick=True).records[:1]
-    candidate = judged(machine, [np.zeros(len(machine.friction.limit))]).candidate
+    candidate = judged_file(machine, [np.zeros(len(machine.friction.limit))]).candidate
     exact, again = (simulated(quiet(candidate), drives, 0, seed) for seed in (0, 1))
     assert np.abs(exact.position - again.position).max() < 1e-10
     shaken = simulated(quiet(candidate, size), drives, 0, 1)
