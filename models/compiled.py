@@ -23,9 +23,11 @@ def compiled(kernel: Kernel) -> Kernel:
     made: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(kernel)
     if made is not kernel:  # as it is where nothing is compiled
         # Numba looks at the kernel's own file alone, and would go on with what other files had when it was compiled.
-        stamp = hashlib.sha256("".join(sorted(set(_made_of(made.py_func.__globals__, set())))).encode()).hexdigest()
+        parts = {_digest(made.py_func.__code__.co_filename), *_made_of(made.py_func.__globals__, set())}
+        stamp = hashlib.sha256("".join(sorted(parts)).encode()).hexdigest()
         stored = made._cache._cache_file
-        stored._source_stamp = (stored._source_stamp, stamp)
+        # As a version: of what another one stored Numba reads nothing, and so none that names a class that is no more.
+        stored._version = (stored._version, stamp)
     return cast(Kernel, made)
 
 

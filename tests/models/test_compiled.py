@@ -30,6 +30,24 @@ print(kernel(1.0), sum(kernel.stats.cache_hits.values()))
 """
 
 
+OF_A_CLASS = """
+from typing import NamedTuple
+from models.compiled import compiled
+
+class {name}(NamedTuple):
+    x: float
+
+@compiled
+def kernel(given):
+    return given.x
+"""
+CALL = """
+from taken import kernel, {name}
+
+print(kernel({name}(3.0)), sum(kernel.stats.cache_hits.values()))
+"""
+
+
 def _said(folder: Path) -> tuple[float, int]:
     """What the kernel gives, and how often it was found on disk, in a process of its own."""
     around = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"}
@@ -54,3 +72,12 @@ def test_a_kernel_is_compiled_anew_where_another_file_changed(
     assert _said(tmp_path) == (3.0, 1)
     (tmp_path / file).write_text(changed, encoding="utf-8")
     assert _said(tmp_path) == (expected, 0)
+
+
+def test_a_kernel_of_a_class_that_was_renamed_is_compiled_anew(tmp_path: Path) -> None:
+    """What is on disk names the class that is no more: read, it would raise AttributeError."""
+    for name in ("Before", "Afterwards"):
+        for file, text in (("taken.py", OF_A_CLASS), ("main.py", CALL)):
+            (tmp_path / file).write_text(text.format(name=name), encoding="utf-8")
+        assert _said(tmp_path) == (3.0, 0)
+        assert _said(tmp_path) == (3.0, 1)
