@@ -17,7 +17,7 @@ from models.plant import Plant, delay_split
 from models.quantity import show
 
 
-def waiting(machine: Machine) -> int:
+def reference_delay_samples(machine: Machine) -> int:
     """Samples by which the PID's reference waits, z^-d: the whole ones of the dead time, L = d T_s + rest.
 
     x_T* is made with P_l(z) = z^-d N(z) / D(z), so it has the rest of L in it and is the table's position d samples
@@ -33,7 +33,7 @@ def lead(plant: Plant, sample_time: float) -> float:
     return 0.5 + delay_split(plant.dead_time, sample_time)[1] / sample_time
 
 
-def led(n_ff: Sequence[float], lead: float) -> tuple[float, ...]:
+def advanced(n_ff: Sequence[float], lead: float) -> tuple[float, ...]:
     """N_ff [m/m] of x_T* `lead` samples [-] ahead, straight between samples, as far as the target is known by then.
 
     What x_T* would do before the step of its target begins at the step: N_ff starts slowly, so that it is next to
@@ -46,8 +46,9 @@ def led(n_ff: Sequence[float], lead: float) -> tuple[float, ...]:
 
 
 def feedback_alone(machine: Machine) -> Controller:
-    """The machine's feedback by itself, for references that are given; it waits for the dead time as `waiting` says."""
-    return machine.feedback_only(waiting(machine))
+    """The machine's feedback by itself, for references that are given; it waits for the dead time as
+    `reference_delay_samples` says."""
+    return machine.feedback_only(reference_delay_samples(machine))
 
 
 def assemble(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = None) -> Controller:
@@ -85,8 +86,8 @@ def assemble_bare(machine: Machine, deadbeat: Deadbeat, plant: Plant | None = No
     control, known = machine.control, machine if plant is None else replace(machine, plant=plant)
     law = control.law and control.law.of_error()
     filters = deadbeat.n_ff, deadbeat.d_ff
-    path = led(deadbeat.n_ff, lead(known.plant, known.sample_time))
-    return Controller(known.sample_time, control.pid, waiting(known), *filters, law=law, path_ff=path)
+    path = advanced(deadbeat.n_ff, lead(known.plant, known.sample_time))
+    return Controller(known.sample_time, control.pid, reference_delay_samples(known), *filters, law=law, path_ff=path)
 
 
 def usable_thrust(machine: Machine) -> float:

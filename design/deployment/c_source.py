@@ -8,14 +8,14 @@ from typing import Final
 from design.deployment.templating import filled, hexadecimal
 from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
-from models.deployment.learning_steps import MAX_STROKE_MISS, lesson
+from models.deployment.learning_steps import MAX_STROKE_MISS, learning_numbers
 
 PROGRAMS: Final = ("closed_loop", "session", "day")  # that close the loop with the plant
 
 
 def law_sources(known: Coefficients, origin: str) -> dict[str, str]:
     """The sources of the law by file name; coefficients in SI units. origin: of the law, for a comment."""
-    taught = lesson(known.learning, known.stroke, len(known.position))
+    taught = learning_numbers(known.learning, known.stroke, len(known.position))
     given = {
         "k": known,
         "origin": origin,

@@ -13,7 +13,7 @@ from design.deployment.templating import filled
 from design.deployment.vectors import MISSING, Vectors
 from models.deployment.coefficients import Coefficients
 from models.deployment.learning_numbers import Learning
-from models.deployment.learning_steps import MAX_STROKE_MISS, lesson
+from models.deployment.learning_steps import MAX_STROKE_MISS, learning_numbers
 from models.deployment.running_law import MAX_POSITION_M, RESET
 
 SECTIONS: Final = {
@@ -194,7 +194,7 @@ def _of_learning(
     known: Coefficients, learning: Learning
 ) -> tuple[dict[str, float], dict[str, int], dict[str, tuple[float, ...]]]:
     """Numbers, counts and tables of the learning."""
-    given = lesson(learning, known.stroke, len(known.position))
+    given = learning_numbers(learning, known.stroke, len(known.position))
     numbers = {"STROKE": known.stroke, "SAME": MAX_STROKE_MISS, "LEAST_FORCE": learning.least}
     numbers |= {"FAULTLESS_MASS": learning.faultless[0], "FAULTLESS_LATE": learning.faultless[1]}
     numbers |= {"MOST_MASS": learning.most[0], "MOST_LATE": learning.most[1]}

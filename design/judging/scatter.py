@@ -73,7 +73,7 @@ def scatter(
     virgin = references(controller, target) if given is None else given
     found = []
     for i, past in enumerate(pasts):
-        begun, known = (start, virgin) if given is not None else _begun(machine, controller, past, target, virgin)
+        begun, known = (start, virgin) if given is not None else _after_past(machine, controller, past, target, virgin)
         response = simulate(noisy, controller, target, seed=seed + 1 + i, initial_friction=begun, given=known)
         found.append(assess(noisy, response, stroke=stroke, periods=periods))
     return Scatter(
@@ -84,7 +84,7 @@ def scatter(
     )
 
 
-def _begun(
+def _after_past(
     machine: Machine, controller: Controller, past: Array, target: Array, virgin: References
 ) -> tuple[Array, References]:
     """The machine's elements (N,) [m] behind a past (m,) [m], and what a compensator that was led along it puts out."""

@@ -94,7 +94,7 @@ def tuned(problem: Problem, levels: Sequence[float], limits: Bounds, machine: Ma
     return Front(tuple(points), tuple(attempts))
 
 
-def judged(name: str, pid: PID, members: Sequence[Member], law: Law | None = None) -> Point:
+def assessed_point(name: str, pid: PID, members: Sequence[Member], law: Law | None = None) -> Point:
     """A PID that was not tuned here, or the law in its place, with its loops [SI]."""
     return Point(name, pid, tuple(assess(member.plant, law or pid) for member in members), law=law)
 
@@ -103,6 +103,6 @@ def rules(machine: Machine, members: Sequence[Member]) -> list[Point]:
     """SIMC's and the lambda rule's PIDs over their time constants [s], as far as they are stable."""
     plant, ts, keep = machine.plant, machine.sample_time, machine.control.pid.derivative_filter
     unit = quickest_time(machine)
-    points = [judged("SIMC", simc(plant, ts, times * unit, keep), members) for times in RULE_TIMES]
-    points += [judged("lambda", lambda_rule(plant, times * unit, keep), members) for times in LAMBDAS]
+    points = [assessed_point("SIMC", simc(plant, ts, times * unit, keep), members) for times in RULE_TIMES]
+    points += [assessed_point("lambda", lambda_rule(plant, times * unit, keep), members) for times in LAMBDAS]
     return [point for point in points if math.isfinite(point.ms)]

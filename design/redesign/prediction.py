@@ -75,7 +75,7 @@ def predicted(design: Design, machines: Sequence[Machine], seed: int = 0, left: 
     return Prediction(settling, dispersion, int(saturated.sum()))
 
 
-def again(left: Sequence[Array], samples: int, seed: int) -> Array:
+def resampled(left: Sequence[Array], samples: int, seed: int) -> Array:
     """A force (samples,) [N] as it was in one of the records `left` (n,) [N], less its mean, from a time at random on:
     to and fro in time, so that it goes on where the record ends; 0 without records."""
     if not left:
@@ -115,7 +115,7 @@ def _response(design: Design, machine: Machine, seed: int, number: int, left: Se
     noisy = replace(machine, scale=replace(machine.scale, noise=noise))
     past = random_pasts(machine.friction, 1, seed + 1000 + number)[0]
     start, target = follow(machine.friction, past)[1], judged_target(machine)
-    known, push = references(design.controller, target), again(left, target.size, seed + number)
+    known, push = references(design.controller, target), resampled(left, target.size, seed + number)
     given = replace(known, feedforward=known.feedforward + push)
     found = simulate(noisy, design.controller, target, seed=seed + number, initial_friction=start, given=given)
     return found.record, push

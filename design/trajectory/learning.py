@@ -45,7 +45,7 @@ LIKELY: Final = {
 
 
 @dataclass(frozen=True)
-class Taught:
+class LearnedTable:
     """A table that has learned: what was learned, the references of the sequence that follows, and where the table's
     own elements (N,) [m] stand at its start. errors: of mass [1] and dead time [s]."""
 
@@ -61,14 +61,14 @@ def motions_to_learn(nominal: Machine) -> int:
     return 2 + LEARNING_PERIODS * 2 * nominal.specification.motions
 
 
-def learned(
+def learned_tables(
     machines: Sequence[Machine],
     nominal: Machine,
     scheme: Scheme,
     stroke: float,
     seed: int,
     starts: Sequence[Array] | None = None,
-) -> list[Taught]:
+) -> list[LearnedTable]:
     """What the controller learns on each table from a wipe and LEARNING_PERIODS periods of the sequence with strokes
     [m].
 
@@ -79,24 +79,25 @@ def learned(
     path, target = known.position, sequence(nominal, stroke, periods=1)
     responses = respond(machines, scheme.controller, path, given=known, seed=seed, initial_friction=starts)
     window = round(REST * nominal.specification.settling_time / nominal.sample_time)
-    pupils = [_begun(scheme, path, rests, response, window) for response in responses]
+    states = [_after_wipe(scheme, path, rests, response, window) for response in responses]
     sensitivity = None if scheme.adapted is None else sensitivities(nominal, scheme, stroke)
     for turn in range(LEARNING_PERIODS):
         responses = respond(
             machines,
-            [one.scheme.controller for one in pupils],
+            [one.scheme.controller for one in states],
             target,
-            given=[_continued(one, target) for one in pupils],
+            given=[_continued(one, target) for one in states],
             seed=seed + 1 + turn,
-            initial_friction=[one.elements for one in pupils],
+            initial_friction=[one.elements for one in states],
         )
-        pupils = [
-            _went_on(one, nominal, target, response, window, sensitivity)
-            for one, response in zip(pupils, responses, strict=True)
+        states = [
+            _after_period(one, nominal, target, response, window, sensitivity)
+            for one, response in zip(states, responses, strict=True)
         ]
     whole = sequence(nominal, stroke)
     return [
-        Taught(one.learned, one.scheme.controller, _continued(one, whole), one.elements, one.errors) for one in pupils
+        LearnedTable(one.learned, one.scheme.controller, _continued(one, whole), one.elements, one.errors)
+        for one in states
     ]
 
 
@@ -107,7 +108,7 @@ def path_to_learn(nominal: Machine, scheme: Scheme, stroke: float) -> Array:
 
 
 @dataclass(frozen=True)
-class _Pupil:
+class _LearningState:
     """A table on its way: its scheme by now, what it has learned, the elements' path (n,) [m] since the wipe began, the
     wipe's and the latest rests (k,) on it and the thrust there (k,) [N], and the table's own elements (N,) [m]."""
 
@@ -120,16 +121,23 @@ class _Pupil:
     errors: Array
 
 
-def _begun(scheme: Scheme, path: Array, rests: NDArray[np.int64], response: Response, window: int) -> _Pupil:
+def _after_wipe(
+    scheme: Scheme, path: Array, rests: NDArray[np.int64], response: Response, window: int
+) -> _LearningState:
     """What is known after the wipe: the forces, but not yet the lengths."""
     hold = _held(response, rests, window)
     found = learn(scheme.known, path, rests, hold, length=False)
-    return _Pupil(scheme, found, path, rests, hold, response.elements, np.zeros(2))
+    return _LearningState(scheme, found, path, rests, hold, response.elements, np.zeros(2))
 
 
-def _went_on(
-    one: _Pupil, nominal: Machine, target: Array, response: Response, window: int, sensitivity: Sensitivity | None
-) -> _Pupil:
+def _after_period(
+    one: _LearningState,
+    nominal: Machine,
+    target: Array,
+    response: Response,
+    window: int,
+    sensitivity: Sensitivity | None,
+) -> _LearningState:
     """What is known after another period."""
     ends = np.array([motion.stop - 1 for motion in motions(target)])
     rests = np.append(one.rests[:2], one.path.size + ends)
@@ -142,11 +150,11 @@ def _went_on(
         errors = np.clip(errors + sensitivity.explain(told), -most, most)
         scheme = scheme.adapted(varied(nominal, Variation(mass=float(errors[0]), dead_time=float(errors[1]))))
     found = learn(one.scheme.known, path, rests, hold)
-    return _Pupil(scheme, found, path, rests, hold, response.elements, errors)
+    return _LearningState(scheme, found, path, rests, hold, response.elements, errors)
 
 
-def _continued(one: _Pupil, target: Array) -> References:
-    """x_T* [m], u_ff and u_rf [N] over a target (n,) [m] that follows the pupil's path, which ends at rest at 0."""
+def _continued(one: _LearningState, target: Array) -> References:
+    """x_T* [m], u_ff and u_rf [N] over a target (n,) [m] behind the path learned from, which ends at rest at 0."""
     friction, scheme = one.learned.friction, one.scheme
     return carried_on(friction, one.path, scheme.path(target), scheme.references(friction, target))
 

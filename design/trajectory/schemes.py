@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import feedback_alone, waiting
+from design.controller import feedback_alone, reference_delay_samples
 from design.deadbeat import DesignError
 from design.trajectory.compensator import MotionProfile, compensate, motion_profile, rest_states
 from design.trajectory.history_aware import Built, Limits, Task, Trajectory, build, solve
@@ -291,9 +291,9 @@ def feedback(machine: Machine, first: int, look: float) -> Feedback:
     """The machine's loop, with the error counted over `look` [s] from sample `first` on."""
     control = machine.control
     last = first + round(look / machine.sample_time)
-    return Feedback(machine.sample_time, control.pid, waiting(machine), first, last)
+    return Feedback(machine.sample_time, control.pid, reference_delay_samples(machine), first, last)
 
 
 def robust_controller(machine: Machine, found: RobustTrajectory) -> Controller:
     """The controller of a robust trajectory [SI], with the machine's PID."""
-    return found.controller(machine.sample_time, machine.control.pid, waiting(machine))
+    return found.controller(machine.sample_time, machine.control.pid, reference_delay_samples(machine))

@@ -38,14 +38,14 @@ SIMULATED_PART: Final = 0.02  # of the commands are late in a simulation at leas
 @dataclass(frozen=True)
 class View:
     """What a detector sees: a stage's fit, the baseline, what the fit's own parameters leave unexplained, effects that
-    must not be used, effects that gained nothing so far (`dull`: the scan skips them), and the scan's columns that are
-    known from the stage before."""
+    must not be used, effects that gained nothing so far (`negligible`: the scan skips them), and the scan's columns
+    that are known from the stage before."""
 
     fitted: Fit
     baseline: Baseline
     own: NuisanceProjection
     disabled: Collection[str] = ()
-    dull: Collection[str] = ()
+    negligible: Collection[str] = ()
     known: Columns = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -60,14 +60,16 @@ class Detected:
 Detector = Callable[[View], Detected]
 
 
-def view(fitted: Fit, baseline: Baseline, disabled: Collection[str], dull: Collection[str], known: Columns) -> View:
+def view(
+    fitted: Fit, baseline: Baseline, disabled: Collection[str], negligible: Collection[str], known: Columns
+) -> View:
     """A fit as the detectors see it."""
-    return View(fitted, baseline, partial_out(fitted, baseline.segment), disabled, dull, known)
+    return View(fitted, baseline, partial_out(fitted, baseline.segment), disabled, negligible, known)
 
 
 def catalogue_scan(seen: View) -> Detected:
     """Every effect of the catalogue at the point of its grid that gains the most on held-out motions, best first."""
-    skipped = {*seen.disabled, *seen.dull}
+    skipped = {*seen.disabled, *seen.negligible}
     findings, columns = scan(seen.fitted, seen.baseline.records, seen.own, skipped, seen.known)
     thresholds, least = seen.baseline.thresholds, seen.baseline.criteria.min_gain
     proposals = [

@@ -37,7 +37,7 @@ ROUND, SINCE, COUNTED, CHOSEN = range(4)  # of `at`: -1 where nothing is learned
 FORCE, SQUARE, PRODUCT = range(3)  # of `sums`
 
 
-class Lesson(NamedTuple):
+class LearningNumbers(NamedTuple):
     """`Learning` as the kernel reads it."""
 
     rounds: int  # 0: there is no learning
@@ -56,7 +56,7 @@ class Lesson(NamedTuple):
     sooner: Array
 
 
-class Pupil(NamedTuple):
+class LearningState(NamedTuple):
     """What has been learned and what it is learned from; changed in place."""
 
     told: Array
@@ -67,26 +67,26 @@ class Pupil(NamedTuple):
     sums: Array  # (K, 3) over a round, of f, f^2 and f u
 
 
-def lesson(known: Learning | None, stroke: float, taps: int) -> Lesson:
+def learning_numbers(known: Learning | None, stroke: float, taps: int) -> LearningNumbers:
     """The numbers for the kernel; stroke [m], taps: of the response of x_T*."""
     if known is None:
         none = np.zeros(0)
-        return Lesson(0, 0, 0, 0, 0, 0.0, stroke, none, none, none, none, none, np.zeros(taps), np.zeros(taps))
+        return LearningNumbers(0, 0, 0, 0, 0, 0.0, stroke, none, none, none, none, none, np.zeros(taps), np.zeros(taps))
     rows = (known.stretch, known.mass, known.dead_time, known.faultless, known.most)
     changes = (np.append(row, np.zeros(taps - len(row))) for row in (known.early, known.sooner))
     counts = known.rounds, known.motions, known.rest, known.window, known.nominal
-    return Lesson(*counts, known.least, stroke, *(np.array(row) for row in rows), *changes)
+    return LearningNumbers(*counts, known.least, stroke, *(np.array(row) for row in rows), *changes)
 
 
-def pupil(given: Lesson, elements: int) -> Pupil:
+def learning_state(given: LearningNumbers, elements: int) -> LearningState:
     """Room for what is learned; `forget` makes it nominal."""
     count, taps = given.stretch.size, given.early.size
     room = (np.zeros((count, size)) for size in (elements, 2, 3))
-    return Pupil(np.zeros(16), np.zeros(4, np.int64), np.zeros(taps), *room)
+    return LearningState(np.zeros(16), np.zeros(4, np.int64), np.zeros(taps), *room)
 
 
 @compiled
-def forget(one: Pupil, position: Array) -> None:
+def forget(one: LearningState, position: Array) -> None:
     """As designed: nothing is learned. position (M,) [m/m]: the response of x_T* as designed."""
     one.told[:] = 0.0
     one.told[FACTOR], one.told[STRETCH], one.told[GAIN] = 1.0, 1.0, 1.0
@@ -96,7 +96,7 @@ def forget(one: Pupil, position: Array) -> None:
 
 
 @compiled
-def begin(given: Lesson, one: Pupil, position: Array) -> None:
+def begin(given: LearningNumbers, one: LearningState, position: Array) -> None:
     """The learning begins together with the wipe. position [m/m]: as of `forget`."""
     forget(one, position)
     one.bank[:] = 0.0
@@ -105,7 +105,7 @@ def begin(given: Lesson, one: Pupil, position: Array) -> None:
 
 
 @compiled
-def lead(given: Lesson, one: Pupil, limit: Array, step: float) -> None:
+def lead(given: LearningNumbers, one: LearningState, limit: Array, step: float) -> None:
     """Moves the elements of every length along the path by a step [m]."""
     if one.at[ROUND] < 0 or step == 0.0:
         return
@@ -116,7 +116,7 @@ def lead(given: Lesson, one: Pupil, limit: Array, step: float) -> None:
 
 
 @compiled
-def force_of(one: Pupil, stiffness: Array, i: int) -> float:
+def force_of(one: LearningState, stiffness: Array, i: int) -> float:
     """The force [N] of the elements of length number i, at the nominal scale."""
     force = 0.0
     for n in range(stiffness.size):
@@ -125,7 +125,7 @@ def force_of(one: Pupil, stiffness: Array, i: int) -> float:
 
 
 @compiled
-def _choose(given: Lesson, one: Pupil, first: int, last: int, motions: int) -> None:
+def _choose(given: LearningNumbers, one: LearningState, first: int, last: int, motions: int) -> None:
     """Takes scale, length and constant force from the rests of the wipe and of `motions`."""
     told, count = one.told, 2.0 + motions
     out, back = told[WIPED_OUT], told[WIPED_BACK]
@@ -147,7 +147,7 @@ def _choose(given: Lesson, one: Pupil, first: int, last: int, motions: int) -> N
 
 
 @compiled
-def _turn(given: Lesson, one: Pupil, position: Array) -> None:
+def _turn(given: LearningNumbers, one: LearningState, position: Array) -> None:
     """The end of a round: mass and dead time, then the friction; the next round begins."""
     told, most = one.told, given.most
     told[MASS] = clipped(told[MASS] + (told[ALL_MASS] / given.motions - given.faultless[0]), most[0])
@@ -163,7 +163,7 @@ def _turn(given: Lesson, one: Pupil, position: Array) -> None:
 
 
 @compiled
-def _rested(given: Lesson, one: Pupil, stiffness: Array) -> None:
+def _rested(given: LearningNumbers, one: LearningState, stiffness: Array) -> None:
     """A motion has ended."""
     told = one.told
     thrust = told[HOLD] / (given.window + 1) - told[ABOUT]
@@ -179,7 +179,7 @@ def _rested(given: Lesson, one: Pupil, stiffness: Array) -> None:
 
 
 @compiled
-def _wiping(given: Lesson, one: Pupil, stiffness: Array, half: int, thrust: float) -> bool:
+def _wiping(given: LearningNumbers, one: LearningState, stiffness: Array, half: int, thrust: float) -> bool:
     """A sample of the wipe; whether it was the last and something has been learned."""
     told, at = one.told, one.at
     at[SINCE] += 1
@@ -204,7 +204,9 @@ def _wiping(given: Lesson, one: Pupil, stiffness: Array, half: int, thrust: floa
 
 
 @compiled
-def _moving(given: Lesson, one: Pupil, stiffness: Array, change: float, error: float, thrust: float) -> bool:
+def _moving(
+    given: LearningNumbers, one: LearningState, stiffness: Array, change: float, error: float, thrust: float
+) -> bool:
     """A sample of a round; whether it was a motion's last."""
     told, at = one.told, one.at
     if change != 0.0:
@@ -230,8 +232,8 @@ def _moving(given: Lesson, one: Pupil, stiffness: Array, change: float, error: f
 
 @compiled
 def learn(
-    given: Lesson,
-    one: Pupil,
+    given: LearningNumbers,
+    one: LearningState,
     stiffness: Array,
     position: Array,
     half: int,

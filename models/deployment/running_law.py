@@ -25,7 +25,17 @@ from numpy.typing import ArrayLike, NDArray
 from models.compiled import compiled
 from models.deployment import learning_steps as learning
 from models.deployment.coefficients import Coefficients, WipeMotion
-from models.deployment.learning_steps import FACTOR, GAIN, LATE, MASS, OFFSET, ROUND, STRETCH, Lesson, Pupil
+from models.deployment.learning_steps import (
+    FACTOR,
+    GAIN,
+    LATE,
+    MASS,
+    OFFSET,
+    ROUND,
+    STRETCH,
+    LearningNumbers,
+    LearningState,
+)
 from models.feedback.law import LawArrays, advance, arrays, output
 from models.simulation.kernel import clipped, pid_step
 
@@ -110,7 +120,9 @@ def _wipe_thrust(numbers: Numbers, sample: int) -> float:
 
 
 @compiled
-def _reset(numbers: Numbers, law: LawArrays, memory: Memory, pupil: Pupil, position: float, thrust: float) -> None:
+def _reset(
+    numbers: Numbers, law: LawArrays, memory: Memory, state: LearningState, position: float, thrust: float
+) -> None:
     """At rest on a reading [m], the integral holding the thrust [N]; the elements virgin, u_rf active.
 
     What has been learned stays; learning under way ends."""
@@ -126,7 +138,7 @@ def _reset(numbers: Numbers, law: LawArrays, memory: Memory, pupil: Pupil, posit
     for i in range(law.c.size):
         law.state[i] = law.hold[i] * clipped(held, numbers.thrust_limit)
     memory.at[NEWEST], memory.at[WIPED], memory.at[PLANNED] = 0, -1, -1
-    pupil.at[ROUND] = -1
+    state.at[ROUND] = -1
 
 
 @compiled
@@ -145,31 +157,43 @@ def _wiped(numbers: Numbers, memory: Memory) -> tuple[float, float, float, bool]
 
 
 @compiled
-def _elements(numbers: Numbers, memory: Memory, pupil: Pupil, step: float) -> float:
-    force, way = 0.0, pupil.told[STRETCH] * step
+def _elements(numbers: Numbers, memory: Memory, state: LearningState, step: float) -> float:
+    force, way = 0.0, state.told[STRETCH] * step
     for i in range(memory.z.size):
         memory.z[i] = clipped(memory.z[i] + way, numbers.limit[i])
         force += numbers.stiffness[i] * memory.z[i]
-    return float(pupil.told[FACTOR] * force)
+    return float(state.told[FACTOR] * force)
 
 
 @compiled
-def _taught(
-    numbers: Numbers, lesson: Lesson, memory: Memory, pupil: Pupil, error: float, thrust: float, compensation: float
+def _learn_sample(
+    numbers: Numbers,
+    rules: LearningNumbers,
+    memory: Memory,
+    state: LearningState,
+    error: float,
+    thrust: float,
+    compensation: float,
 ) -> None:
     """Learns from a sample; u_rf [N] goes on from what it was, with the elements of the length that was chosen."""
     half, change = numbers.wipe_count + numbers.wipe_still, memory.change[memory.at[NEWEST]]
-    if learning.learn(lesson, pupil, numbers.stiffness, numbers.position, half, change, error, thrust):
-        chosen = pupil.at[learning.CHOSEN]
+    if learning.learn(rules, state, numbers.stiffness, numbers.position, half, change, error, thrust):
+        chosen = state.at[learning.CHOSEN]
         for i in range(memory.z.size):  # assigned as a whole, it would take the compiler many times as long
-            memory.z[i] = pupil.bank[chosen, i]
-        force = pupil.told[FACTOR] * learning.force_of(pupil, numbers.stiffness, chosen)
+            memory.z[i] = state.bank[chosen, i]
+        force = state.told[FACTOR] * learning.force_of(state, numbers.stiffness, chosen)
         memory.kept[ZERO] = force - compensation
 
 
 @compiled
 def _step(
-    numbers: Numbers, law: LawArrays, lesson: Lesson, memory: Memory, pupil: Pupil, target: float, position: float
+    numbers: Numbers,
+    law: LawArrays,
+    rules: LearningNumbers,
+    memory: Memory,
+    state: LearningState,
+    target: float,
+    position: float,
 ) -> tuple[float, int]:
     """One sample: the thrust [N] and the status."""
     kept, size, status = memory.kept, memory.target.size, 0
@@ -184,16 +208,16 @@ def _step(
     y = q = u = 0.0
     for j in range(numbers.position.size):
         change, late = memory.change[(newest + j) % size], memory.change[(newest + j + numbers.delay) % size]
-        y += pupil.position[j] * late
+        y += state.position[j] * late
         q += numbers.path[j] * change
         u += numbers.thrust[j] * change
-    u = pupil.told[GAIN] * u
+    u = state.told[GAIN] * u
     way, late_way, push, wiping = _wiped(numbers, memory)
     base = memory.target[(newest + numbers.position.size) % size]
     q = q + way
     step = (base - kept[BASE]) + (q - kept[MOVED])
-    force = _elements(numbers, memory, pupil, step)
-    learning.lead(lesson, pupil, numbers.limit, step)
+    force = _elements(numbers, memory, state, step)
+    learning.lead(rules, state, numbers.limit, step)
     kept[BASE], kept[MOVED] = base, q
     if wiping:
         kept[ZERO], status = force, status | WIPING
@@ -219,38 +243,45 @@ def _step(
         advance(law, error, 0.0, thrust - wanted)
     else:
         kept[INTEGRAL] = kept[INTEGRAL] + numbers.tracking * (thrust - wanted)
-    if pupil.at[ROUND] >= 0:
+    if state.at[ROUND] >= 0:
         status |= LEARNING
-        _taught(numbers, lesson, memory, pupil, error, thrust, compensation)
+        _learn_sample(numbers, rules, memory, state, error, thrust, compensation)
     return thrust, status
 
 
 @compiled
 def _ask(
-    numbers: Numbers, law: LawArrays, lesson: Lesson, memory: Memory, pupil: Pupil, asked: int, one: float, two: float
+    numbers: Numbers,
+    law: LawArrays,
+    rules: LearningNumbers,
+    memory: Memory,
+    state: LearningState,
+    asked: int,
+    one: float,
+    two: float,
 ) -> None:
     """What takes no time; one, two: the reading [m] and thrust [N] of a reset, the thrust of an INIT."""
     if asked == RESET:
-        _reset(numbers, law, memory, pupil, one, two)
+        _reset(numbers, law, memory, state, one, two)
     elif asked == WIPE:
-        memory.at[WIPED], pupil.at[ROUND] = 0 if numbers.wipe_count > 0 else -1, -1
+        memory.at[WIPED], state.at[ROUND] = 0 if numbers.wipe_count > 0 else -1, -1
     elif asked == PLAN:
         memory.at[PLANNED] = 0 if numbers.plan.size > 0 else -1
-    elif asked == LEARN and lesson.rounds > 0:
+    elif asked == LEARN and rules.rounds > 0:
         memory.at[WIPED] = 0
-        learning.begin(lesson, pupil, numbers.position)
+        learning.begin(rules, state, numbers.position)
     elif asked == INIT:
-        learning.forget(pupil, numbers.position)
-        _reset(numbers, law, memory, pupil, 0.0, numbers.start)
+        learning.forget(state, numbers.position)
+        _reset(numbers, law, memory, state, 0.0, numbers.start)
 
 
 @compiled
 def _run(
     numbers: Numbers,
     law: LawArrays,
-    lesson: Lesson,
+    rules: LearningNumbers,
     memory: Memory,
-    pupil: Pupil,
+    state: LearningState,
     asked: Integers,
     given: Array,
     out: Answered,
@@ -258,9 +289,9 @@ def _run(
     for k in range(asked.size):
         out.thrust[k], out.status[k] = 0.0, 0
         if asked[k] == STEP:
-            out.thrust[k], out.status[k] = _step(numbers, law, lesson, memory, pupil, given[k, 0], given[k, 1])
+            out.thrust[k], out.status[k] = _step(numbers, law, rules, memory, state, given[k, 0], given[k, 1])
         else:
-            _ask(numbers, law, lesson, memory, pupil, asked[k], given[k, 0], given[k, 1])
+            _ask(numbers, law, rules, memory, state, asked[k], given[k, 0], given[k, 1])
 
 
 class Learned(NamedTuple):
@@ -309,8 +340,8 @@ class RunningLaw:
         self._memory = Memory(
             np.zeros(size), np.zeros(size), np.zeros(len(known.limit)), np.zeros(8), np.zeros(3, np.int64)
         )
-        self._lesson = learning.lesson(known.learning, known.stroke, len(known.position))
-        self._pupil = learning.pupil(self._lesson, len(known.limit))
+        self._rules = learning.learning_numbers(known.learning, known.stroke, len(known.position))
+        self._state = learning.learning_state(self._rules, len(known.limit))
         self.run([INIT], [[0.0, 0.0]])
 
     def run(self, asked: ArrayLike, given: ArrayLike) -> tuple[Array, Integers]:
@@ -318,7 +349,7 @@ class RunningLaw:
         reading and thrust [m, N], WIPE, PLAN, LEARN or INIT. It goes on from the run before."""
         what, values = np.ascontiguousarray(asked, np.int64), np.ascontiguousarray(given, float)
         out = Answered(np.empty(what.size), np.empty(what.size, np.int64))
-        _run(self._numbers, self._law, self._lesson, self._memory, self._pupil, what, values, out)
+        _run(self._numbers, self._law, self._rules, self._memory, self._state, what, values, out)
         return out.thrust, out.status
 
     def reset(self, position: float, thrust: float) -> None:
@@ -332,6 +363,6 @@ class RunningLaw:
     @property
     def learned(self) -> Learned:
         """What has been learned so far; as designed before."""
-        told = self._pupil.told
+        told = self._state.told
         length = 1.0 / told[STRETCH]
         return Learned(*(float(one) for one in (told[FACTOR], length, told[OFFSET], told[MASS], told[LATE])))

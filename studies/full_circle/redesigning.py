@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import waiting
+from design.controller import reference_delay_samples
 from design.deadbeat import DesignError
 from design.deployment.drive_file import controller_to_json
 from design.redesign.choice import MEASURE_UNITS, Chosen, chosen
@@ -74,7 +74,7 @@ def old_design(before: Machine) -> Design:
     try:
         return designed(before, OLD, every_element=False)
     except DesignError as error:
-        bare = before.feedback_only(waiting(before))
+        bare = before.feedback_only(reference_delay_samples(before))
         wanted = before.specification
         return Design(OLD, bare, wanted.stroke, wanted.settling_time, (f"there is no feedforward: {error}",))
 

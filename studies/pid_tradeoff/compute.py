@@ -18,7 +18,7 @@ from design.family import Member, family, linear, slopes, usual_errors
 from design.judging.known_range import excess_of, excess_to_json
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
-from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, judged, rules, tuned
+from design.pid.front import LAMBDAS, RULE_TIMES, Front, Point, assessed_point, rules, tuned
 from design.pid.goal import OBJECTIVES, Goal
 from design.pid.problem import Bounds, TuningError, mt_bound
 from design.pid.rules import magnitude
@@ -152,7 +152,7 @@ def _tuned(
     """The present PID on the family and the front. Raises BadInputError where no PID keeps to the bounds."""
     members = family(machine, wanted["mode_error"], wanted["mass_error"], others if options.ensemble else ())
     progress(0.02, f"the present PID on {len(members)} plants")
-    present = judged("present", machine.control.pid, members, machine.control.law)
+    present = assessed_point("present", machine.control.pid, members, machine.control.law)
     limits = Bounds(wanted["ms"], wanted["mt"], _noise(machine, options.noise, present))
     goal = _goal(machine, options.objective)
     problem = pose(members, goal, magnitude(machine))

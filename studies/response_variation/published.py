@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from design.controller import waiting
+from design.controller import reference_delay_samples
 from design.validation import Validation
 from models.controller import Controller
 from models.friction import branch
@@ -81,7 +81,7 @@ def rows(central: Shown, tables: Sequence[Shown]) -> list[dict[str, Any]]:
             "III.A",
             "1",
             control.reference_delay,
-            lambda one: waiting(one.machine),
+            lambda one: reference_delay_samples(one.machine),
             CONSTRUCTED,
         ),
         (

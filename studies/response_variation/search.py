@@ -344,7 +344,7 @@ def evaluate(base: Machine, points: list[Array], substeps: int, convention: Conv
             controller = bare(machine, convention)
         except DesignError:
             continue  # no deadbeat within the thrust
-        if bent_by_the_limit(machine, controller):
+        if saturated(machine, controller):
             continue
         controllers.append(controller)
         machines.append(machine)
@@ -358,7 +358,7 @@ def evaluate(base: Machine, points: list[Array], substeps: int, convention: Conv
     ]
 
 
-def bent_by_the_limit(machine: Machine, controller: Controller) -> bool:
+def saturated(machine: Machine, controller: Controller) -> bool:
     """Whether the feedforward [N] reaches the thrust limit, which makes it differ from the paper's.
 
     The paper's deadbeat has no limit, so a table on which a limit shapes the feedforward cannot be the paper's.

@@ -14,7 +14,7 @@ from design.deadbeat import Deadbeat
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import Trajectory
-from design.trajectory.learning import Taught, learned
+from design.trajectory.learning import LearnedTable, learned_tables
 from design.trajectory.robust import RobustTrajectory
 from design.trajectory.schemes import Scheme, Wanted, history_aware, profile_of
 from design.validation import assess, sequence
@@ -85,7 +85,7 @@ def compare(
 
 
 def _hangs(
-    machine: Machine, one: Contestant, learned: Sequence[Taught], aim: Aim, options: TrajectoryOptions
+    machine: Machine, one: Contestant, learned: Sequence[LearnedTable], aim: Aim, options: TrajectoryOptions
 ) -> dict[str, Any]:
     """What the settling times on the central table hang on, and their scatter over runs with a dither."""
     law, given, start = one.controller, one.given, None
@@ -125,7 +125,7 @@ def contestants(
 
 def outcomes(
     machine: Machine, one: Contestant, tables: Sequence[Machine], aim: Aim, seed: int
-) -> tuple[list[Outcome], list[Taught]]:
+) -> tuple[list[Outcome], list[LearnedTable]]:
     """The outcomes of `one` on `machine` and then on each table; what it has learned there, if it learns."""
     every = [machine, *tables]
     if one.learning is None:
@@ -140,9 +140,9 @@ def judge_learning(
     aim: Aim,
     seed: int,
     starts: Sequence[Array] | None = None,
-) -> tuple[list[Outcome], list[Taught]]:
+) -> tuple[list[Outcome], list[LearnedTable]]:
     """The outcome on each table after it has learned, and what; starts: its elements (N,) [m] before, default 0."""
-    taught = learned(tables, nominal, scheme, aim.stroke, seed, starts)
+    taught = learned_tables(tables, nominal, scheme, aim.stroke, seed, starts)
     laws, given, elements = zip(*((each.controller, each.given, each.elements) for each in taught), strict=True)
     return judge(tables, laws, aim, given, seed, elements), taught
 

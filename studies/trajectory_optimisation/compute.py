@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from design.controller import design_deadbeat, usable_thrust, waiting
+from design.controller import design_deadbeat, reference_delay_samples, usable_thrust
 from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time, synthesise
 from design.deployment.drive_file import controller_to_json
 from design.judging.known_range import excess, excess_to_json
@@ -346,7 +346,7 @@ def _controller_file(machine: Machine, wanted: Wanted, chosen: Trajectory, schem
         tuple((np.diff(signal, prepend=0.0) / motion.stroke).tolist())
         for signal in (motion.position, motion.net, motion.middle)
     )
-    pid, delay = machine.control.pid, waiting(machine)
+    pid, delay = machine.control.pid, reference_delay_samples(machine)
     controller = Controller(machine.sample_time, pid, delay, n_ff, d_ff, machine.friction, path_ff=path_ff)
     return {
         **controller_to_json(

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.controller import default_controller, led, paper_controller, waiting
+from design.controller import advanced, default_controller, paper_controller, reference_delay_samples
 from design.deadbeat import DesignError
 from design.feasibility import require_pid, require_stable
 from design.linear_response import linear_response
@@ -36,7 +36,7 @@ def test_the_reference_waits_for_the_plant_s_own_motion(dead_time: float, sample
     """By the modes' closed form: x(k T_s) of P_l(s) under u_ff is x_T*[k - d], and not x_T* a sample beside it."""
     machine = with_dead_time(dead_time)
     controller, stroke = default_controller(machine), machine.specification.stroke
-    assert controller.reference_delay == waiting(machine) == samples
+    assert controller.reference_delay == reference_delay_samples(machine) == samples
     n = 60
     known = references(controller, np.full(n, stroke))
     moved = linear_response(machine.plant, known.feedforward, machine.sample_time, np.arange(n) * machine.sample_time)
@@ -98,9 +98,9 @@ def test_a_lead_of_whole_samples_is_a_shift_and_half_a_sample_the_mean(numbers: 
     """By the response to a step: what the path would do before the step is done at its first sample."""
     n_ff = [*numbers, 1.0 - sum(numbers)]
     response, count = np.append(np.cumsum(n_ff), np.ones(lead + 1)), len(n_ff)
-    assert np.cumsum(np.array(led(n_ff, lead))) == pytest.approx(response[lead : lead + count], abs=1e-12)
+    assert np.cumsum(np.array(advanced(n_ff, lead))) == pytest.approx(response[lead : lead + count], abs=1e-12)
     middle = 0.5 * (response[lead : lead + count] + response[lead + 1 : lead + 1 + count])
-    assert np.cumsum(np.array(led(n_ff, lead + 0.5))) == pytest.approx(middle, abs=1e-12)
+    assert np.cumsum(np.array(advanced(n_ff, lead + 0.5))) == pytest.approx(middle, abs=1e-12)
 
 
 @pytest.mark.parametrize("dead_time", [0.0, 0.3e-3, 1e-3, 1.17e-3])

@@ -10,7 +10,7 @@ import pytest
 
 from design.controller import default_controller
 from design.family import family
-from design.pid.front import judged
+from design.pid.front import assessed_point
 from diagnosis.where.controller import replayed
 from models.controller import load as load_controller
 from models.machine import Machine, load
@@ -57,7 +57,7 @@ def test_a_study_that_designs_around_a_pid_refuses_another_feedback() -> None:
 def test_the_trade_off_judges_the_loop_that_is_stated() -> None:
     table = machine()
     members = family(table, 0.0, 0.0)
-    present, pid = (judged("present", table.control.pid, members, law) for law in (table.control.law, None))
+    present, pid = (assessed_point("present", table.control.pid, members, law) for law in (table.control.law, None))
     runs = nonsmooth(table, default_controller(table), (present, pid))
     stated, other = (point_row(table, members, *one) for one in zip((present, pid), runs, strict=True))
     assert stated["feedback"] == table.control.in_words

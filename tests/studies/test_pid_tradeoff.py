@@ -14,7 +14,7 @@ import pytest
 
 from design.controller import default_controller
 from design.family import family
-from design.pid.front import judged
+from design.pid.front import assessed_point
 from design.pid.problem import Attempt, TuningError
 from design.validation import validate
 from models.controller import load
@@ -57,7 +57,7 @@ def test_a_present_feedback_that_is_better_with_compensation_is_kept() -> None:
     law = default_controller(machine)
     quick, slow = validate(machine, law), validate(machine, law.without_compensation())
     assert quick.slowest.settling_time < machine.specification.settling_time < slow.slowest.settling_time
-    present = judged("present", machine.control.pid, family(machine, 0.05, 0.05, ()))
+    present = assessed_point("present", machine.control.pid, family(machine, 0.05, 0.05, ()))
     assert _keeps_present(present, (quick, slow), present.ms, machine)
     assert _keeps_present(present, (quick, slow), 0.9 * present.ms, machine)
     assert not _keeps_present(present, (quick, quick), present.ms, machine)

@@ -23,7 +23,7 @@ from studies.response_variation.conventions import CHOSEN, Convention, bare, thr
 from studies.response_variation.curves import hysteresis, plants, responses
 from studies.response_variation.mechanism import _settling, delay_share
 from studies.response_variation.published import Shown, outcomes
-from studies.response_variation.search import HIGH, LOW, SearchError, bent_by_the_limit, largest_sensitivity, table
+from studies.response_variation.search import HIGH, LOW, SearchError, largest_sensitivity, saturated, table
 from studies.response_variation.tables import COORDINATES, coordinates, most_central, spread
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def test_the_default_machine_is_the_most_central_table() -> None:
     assert members[index].plant == machine.plant
     assert members[index].friction == machine.friction
     assert members[index].control == machine.control
-    assert not any(bent_by_the_limit(one, law) for one, law in zip(members, laws, strict=True))
+    assert not any(saturated(one, law) for one, law in zip(members, laws, strict=True))
 
 
 def test_the_medoid_is_the_middle_of_tables_in_a_row() -> None:

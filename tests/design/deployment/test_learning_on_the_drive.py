@@ -15,7 +15,7 @@ from design.deadbeat import synthesise
 from design.deployment.drive_file import controller_to_json
 from design.deployment.plant_source import plant_sources
 from design.trajectory.compensator import MotionProfile, motion_profile
-from design.trajectory.learning import learned, learning_to_json, sensitivities
+from design.trajectory.learning import learned_tables, learning_to_json, sensitivities
 from design.trajectory.schemes import Scheme, history_aware
 from design.validation import sequence
 from models.controller import ControllerError
@@ -100,7 +100,7 @@ def test_an_axis_that_is_off_in_everything_settles_finely_after_the_law_has_lear
         settling_time(last[one.start : one.stop] - one.target, 0.5e-6, machine.sample_time) for one in motions(period)
     )
     assert slowest <= 24e-3  # x_T* rests after 22 ms, the table up to 1.3 ms later
-    (taught,) = learned([true], machine, scheme, STROKE, 1)
+    (taught,) = learned_tables([true], machine, scheme, STROKE, 1)
     coulomb = machine.friction.coulomb_force
     assert law.learned.force == pytest.approx(taught.learned.friction.coulomb_force / coulomb, rel=0.03)
     assert law.learned.length == pytest.approx(taught.learned.friction.limit[0] / machine.friction.limit[0], rel=0.05)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from design.redesign.designs import designed
 from design.redesign.outcome import judged_target, outcome
-from design.redesign.prediction import again, interval_of, predicted
+from design.redesign.prediction import interval_of, predicted, resampled
 from design.redesign.stated import machines_as_stated
 from models.controller import references
 from models.machine import Provenance
@@ -101,7 +101,7 @@ def test_a_force_that_no_model_explains_acts_in_the_prediction_as_on_the_axis() 
 
 def test_a_force_goes_on_where_its_record_ends() -> None:
     force = wind(1.0, 1.0, 3) + 5.0
-    found = again([force], 3 * force.size, seed=2)
+    found = resampled([force], 3 * force.size, seed=2)
     assert np.max(np.abs(np.diff(found))) <= np.max(np.abs(np.diff(force))) + 1e-12
     assert abs(np.mean(found)) < 0.2
-    assert np.array_equal(again([], 7, seed=2), np.zeros(7))
+    assert np.array_equal(resampled([], 7, seed=2), np.zeros(7))

@@ -10,7 +10,7 @@ import pytest
 from design.deadbeat import synthesise
 from design.trajectory.compensator import learn, motion_profile
 from design.trajectory.learning import (
-    learned,
+    learned_tables,
     learning_to_json,
     motions_to_learn,
     path_to_learn,
@@ -78,7 +78,7 @@ def test_tables_that_are_off_in_everything_settle_finely_after_learning(machine:
     noisy = replace(machine, scale=machine.scale.noisy())
     tables = drawn(noisy, within, 6, seed=3)
     starts = [reached_states(table.friction, 1, seed=i)[0] for i, table in enumerate(tables)]
-    taught = learned(tables, machine, scheme, STROKE, 1, starts)
+    taught = learned_tables(tables, machine, scheme, STROKE, 1, starts)
     missed = np.array(
         [
             (

@@ -56,7 +56,7 @@ class Planned:
     def examined(
         self,
         stage: Stage,
-        dull: Collection[str] = (),  # noqa: ARG002 - of the protocol
+        negligible: Collection[str] = (),  # noqa: ARG002 - of the protocol
         known: Columns | None = None,
     ) -> tuple[Stage, Columns]:
         candidate = stage.fitted.candidate
@@ -154,8 +154,10 @@ class Overlooking(Planned):
 
     in_sample: float = 0.0
 
-    def examined(self, stage: Stage, dull: Collection[str] = (), known: Columns | None = None) -> tuple[Stage, Columns]:
-        found, columns = super().examined(stage, dull, known)
+    def examined(
+        self, stage: Stage, negligible: Collection[str] = (), known: Columns | None = None
+    ) -> tuple[Stage, Columns]:
+        found, columns = super().examined(stage, negligible, known)
         gains = {"scale_drift": self.in_sample}
         told = [replace(one, in_sample_gain=gains.get(one.name, one.gain)) for one in found.proposals]
         return replace(found, proposals=tuple(told)), columns
@@ -185,9 +187,11 @@ def test_what_gains_over_all_motions_alone_is_fitted_and_has_to_take_off_half(
 class Hasty(Planned):
     """One that does not look at what it is told to leave out."""
 
-    def examined(self, stage: Stage, dull: Collection[str] = (), known: Columns | None = None) -> tuple[Stage, Columns]:
+    def examined(
+        self, stage: Stage, negligible: Collection[str] = (), known: Columns | None = None
+    ) -> tuple[Stage, Columns]:
         stage, columns = super().examined(stage, (), known)
-        return replace(stage, proposals=tuple(one for one in stage.proposals if one.name not in dull)), columns
+        return replace(stage, proposals=tuple(one for one in stage.proposals if one.name not in negligible)), columns
 
 
 @pytest.mark.parametrize(("left", "found"), [(10.0, ["cogging", "play", "stribeck"]), (0.0, ["play", "stribeck"])])
