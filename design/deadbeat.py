@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from models.plant import Mode, Plant, delay_split, sampled_matrices
-from models.quantity import show
+from models.quantity import keeps_to, show
 from models.variation import Variation, at_mode, varied_plant
 
 Array = NDArray[np.float64]
@@ -356,7 +356,7 @@ def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
     )
     if not result.success:
         return None
-    if constraints.thrust is not None and result.x[-1] * problem.scale > constraints.thrust * (1 + 1e-9):
+    if constraints.thrust is not None and not keeps_to(result.x[-1] * problem.scale, constraints.thrust):
         return None
     return _refined(result.x[:-1], a, lower, upper)
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     import pint
 
+ROUNDING: Final = 1e-9  # of a limit: a number that is beyond it by less keeps to it
 AXES: Final = ("linear", "rotary")
 ROTARY: Final = {"m": "rad", "N": "N m", "kg": "kg m^2"}  # what a rotary axis has in place of these units
 _ROTARY_TEXT: Final = {**ROTARY, "kg": "kg m²"}  # as a text has it
@@ -241,6 +242,11 @@ def cut(text: object, most: int = 80) -> str:
     """`repr` of what somebody wrote, for a message of one line: at most `most` characters, the middle left out."""
     shown = repr(text) if isinstance(text, str) else reprlib.repr(text)
     return shown if len(shown) <= most else f"{shown[: most - 20]} ... {shown[-15:]}"
+
+
+def keeps_to(number: float, limit: float) -> bool:
+    """Whether a number is at most a limit, but for the rounding of whole samples and steps [any unit]."""
+    return bool(number <= limit + ROUNDING * abs(limit))
 
 
 def listed(words: Iterable[str], last: str = "and") -> str:

@@ -18,7 +18,7 @@ from design.validation import sequence
 from models.controller import references
 from models.effects.catalogue import named
 from models.machine import Machine
-from models.quantity import listed, show
+from models.quantity import keeps_to, listed, show
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def unmet(
     """
     wanted, told = machine.specification, list(design.notes)
     settling = prediction.interval("settling")
-    if settling.high > wanted.settling_time * (1 + 1e-9):
+    if not keeps_to(settling.high, wanted.settling_time):
         told.append(_late(design, machine, prediction, seed, left))
     floor = 3 * machine.scale.reading_deviation
     dispersion = prediction.interval("dispersion")
@@ -85,7 +85,7 @@ def _in_time(design: Design, machine: Machine, seed: int, left: Sequence[Array] 
     """Whether the machine itself, with nothing drawn but the past of its friction, settles in time; left: a force
     (n,) [N] that acts on it."""
     found = predicted(design, [machine] * RUNS_PER_MACHINE, seed, left)
-    return float(np.max(found.settling)) <= machine.specification.settling_time * (1 + 1e-9)
+    return keeps_to(float(np.max(found.settling)), machine.specification.settling_time)
 
 
 def _beyond(design: Design, machine: Machine) -> Sequence[str]:

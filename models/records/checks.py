@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from models.controller import PID, Feedback
 from models.feedback.law import Law, follow
 from models.friction import Friction, half_way
-from models.quantity import show
+from models.quantity import keeps_to, show
 from models.records.record import Record
 from models.records.sampling import ROW
 from models.records.tables.sizes import RecordError
@@ -361,7 +361,7 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
             f"The command is saturated: {int(np.sum(at_top))} samples stand at its extreme of {show(top, 'N')}; "
             "the drive may not have followed there, so cut those parts out."
         )
-    elif limit is not None and top > limit * (1 + 1e-9):
+    elif limit is not None and not keeps_to(top, limit):
         beyond = int(np.sum(np.abs(u) > limit))
         yield (
             f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive may not have "

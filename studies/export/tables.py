@@ -16,7 +16,7 @@ from design.validation import last_errors, sequence
 from models.deployment.coefficients import Coefficients
 from models.deployment.running_law import LEARN, RESET, STEP, WIPE
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import keeps_to, show
 from models.records.settling import settling_time
 from models.variation import drawn
 from studies.binomial import CONFIDENCE, interval
@@ -61,7 +61,7 @@ def on_tables(
 
 def _rate(slowest: Array, tolerance: float, time: float) -> dict[str, Any]:
     """The share of tables whose slowest motion (n,) [s] is in time."""
-    hits, count = int(np.count_nonzero(slowest <= time * (1 + 1e-9))), slowest.size
+    hits, count = sum(keeps_to(one, time) for one in slowest), slowest.size
     return {
         "name": f"every motion within {show(tolerance, 'm')} by {show(time, 's')}",
         "hits": hits,

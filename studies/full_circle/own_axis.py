@@ -25,7 +25,7 @@ from diagnosis.handover.posterior import machines_allowed, unexplained_force
 from models.identification.pipeline import identify
 from models.machine import Machine, MachineError, from_table
 from models.machine_file import to_toml
-from models.quantity import show, span
+from models.quantity import keeps_to, show, span
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable
@@ -34,7 +34,7 @@ from studies.full_circle import asked, looked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
-from studies.full_circle.verification import JUST, Tried, last, tried
+from studies.full_circle.verification import Tried, last, tried
 from studies.gap_diagnosis.compute import answered, given_of
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded_of
@@ -318,7 +318,7 @@ def _why_further(shown: Mapping[str, Any], verified: Mapping[str, Any]) -> str:
     if any(NARROWED in text for text in shown["unmet"]):
         return "the design is not sure to meet the specification; this record narrows the parameters that decide it"
     (taken,) = (row for row in shown["designs"] if row["taken"])
-    if verified["met"] is False and taken["settling"]["high"] <= shown["specified"]["settling_s"] * JUST:
+    if verified["met"] is False and keeps_to(taken["settling"]["high"], shown["specified"]["settling_s"]):
         return "the specification is missed, though the model expects it to be met; this record tells what it lacks"
     return ""
 

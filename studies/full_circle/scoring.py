@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from design.redesign.choice import WORSE
+from models.quantity import keeps_to
 from studies.blind_trial.figures_of_merit import rate_of
 
 QUANTITIES: Final = {"settling": "settling_s", "dispersion": "dispersion_m"}
@@ -87,4 +88,4 @@ def inside(case: Case, name: str) -> bool:
 
 def met(case: Case) -> bool:
     """Whether the machine ends within its specified settling time."""
-    return bool(case["after"]["settling_s"] <= case["redesign"]["specified"]["settling_s"] * (1 + 1e-9))
+    return keeps_to(case["after"]["settling_s"], case["redesign"]["specified"]["settling_s"])

@@ -14,7 +14,7 @@ from design.redesign.choice import MEASURE_UNITS, WORSE, least, worse
 from design.redesign.designs import in_place
 from design.redesign.outcome import Outcome, judged_motions, outcome, tolerance_reached
 from models.machine import Machine
-from models.quantity import show, span
+from models.quantity import ROUNDING, keeps_to, show, span
 from models.records.record import Record
 from studies.full_circle import asked, redesigning
 from studies.full_circle.folder_of_records import Given
@@ -26,7 +26,6 @@ NAMES: Final = {
     "earlier": "an earlier redesign",
     "other": "not the design in place",
 }
-JUST: Final = 1 + 1e-9  # of the specified time: for the rounding of whole samples
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def verified(machine: Machine, found: Sequence[Tried], shown: Mapping[str, Any])
 
 def _met(found: Outcome, machine: Machine) -> bool:
     """Whether all motions settled within the specified time; no 3 sigma is specified in a machine file."""
-    return not found.never and found.settling <= machine.specification.settling_time * JUST
+    return not found.never and keeps_to(found.settling, machine.specification.settling_time)
 
 
 def _inside(after: Outcome, shown: Mapping[str, Any], machine: Machine) -> dict[str, bool]:
@@ -147,7 +146,7 @@ def settles(found: Mapping[str, Any]) -> str:
 
 def time_to_settle(time: float, interval: float) -> str:
     """An expected settling time [s], in words: a motion that lasts the whole interval [s] to the next never settled."""
-    return "never" if time * JUST >= interval else show(time, "s", 3)
+    return "never" if keeps_to(interval, time) else show(time, "s", 3)
 
 
 def expected_to_settle(low: float, high: float, interval: float) -> str:
@@ -192,7 +191,7 @@ def checks(one: Mapping[str, Any], specified: float) -> list[Check]:
             found.append(Check(f"motions of the {design} that never settle", stays["never"], "1", 0.0, "its record"))
         else:
             name = f"settling of the slowest motion of the {design}"
-            found.append(Check(name, stays["settling_s"], "s", specified * JUST, "the specification"))
+            found.append(Check(name, stays["settling_s"], "s", specified * (1 + ROUNDING), "the specification"))
     if both:
         name = "in how much the redesign is worse than the design in place, of settling and 3 sigma"
         found.append(Check(name, float(len(one["worse"])), "1", 0.0, "the records of both"))

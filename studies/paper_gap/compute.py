@@ -21,7 +21,7 @@ from diagnosis.experiments.schedules import to_csv
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble
 from models.machine import Machine, MachineError
-from models.quantity import show
+from models.quantity import keeps_to, show
 from studies.beforehand import require_designable, require_members
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -231,12 +231,11 @@ def _designs(tables: Sequence[Table], pattern: Pattern, *, quick: bool) -> list[
 
 def _over_tables(outcomes: Sequence[Outcome], pattern: Pattern) -> dict[str, Any]:
     """3 sigma [m] over the tables: least, median, largest; and on how many of them what is as in the paper."""
-    in_time = pattern.tolerance * (1 + 1e-9)
     return {
         "dispersions_m": np.quantile([one.dispersion for one in outcomes], [0.0, 0.5, 1.0]),
         "tables": len(outcomes),
-        "reversal_in_time": sum(one.reversal_error <= in_time for one in outcomes),
-        "inching_in_time": sum(one.inching_error <= in_time for one in outcomes),
+        "reversal_in_time": sum(keeps_to(one.reversal_error, pattern.tolerance) for one in outcomes),
+        "inching_in_time": sum(keeps_to(one.inching_error, pattern.tolerance) for one in outcomes),
         "loose": sum(pattern.loose_distance(one) == 0.0 for one in outcomes),
         "pattern": sum(pattern.distance(one) == 0.0 for one in outcomes),
     }

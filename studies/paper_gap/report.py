@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
-from models.quantity import listed, show, span
+from models.quantity import keeps_to, listed, show, span
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
@@ -279,7 +279,7 @@ def _region(ax: Axes, pattern: Results) -> None:
 
 def _cloud(ax: Axes, points: Results, tolerance: float, colour: str, marker: str, label: str | None) -> None:
     x, y = MICRO * np.array(points["inching_error_m"]), MICRO * np.array(points["dispersion_m"])
-    late = np.array(points["reversal_error_m"]) > tolerance * (1 + 1e-9)
+    late = ~np.array([keeps_to(one, tolerance) for one in points["reversal_error_m"]], bool)
     common: dict[str, Any] = {"linestyle": "none", "color": colour, "alpha": 0.6}
     ax.plot(x[~late], y[~late], marker=marker, markersize=2.2, label=label, **common)
     ax.plot(x[late], y[late], marker="x", markersize=3.0, **common)

@@ -20,6 +20,7 @@ from design.trajectory.schemes import Scheme, Wanted, history_aware, profile_of
 from design.validation import assess, sequence
 from models.controller import Controller, References
 from models.machine import Machine
+from models.quantity import keeps_to
 from models.simulation.simulator import simulate
 from models.variation import drawn
 from studies.perturbed import RANGE
@@ -156,7 +157,7 @@ def row_of(
         return float(np.quantile([getattr(outcome, attribute) for outcome in every], QUANTILE, method="higher"))
 
     def share(attribute: str, limit: float) -> float:
-        return float(np.mean([getattr(outcome, attribute) <= limit * (1 + 1e-9) for outcome in every]))
+        return float(np.mean([keeps_to(getattr(outcome, attribute), limit) for outcome in every]))
 
     in_time = machine.specification.settling_time
     names = {

@@ -29,7 +29,7 @@ from design.trajectory.schemes import Scheme, Wanted, profile_of
 from design.validation import BATCH, PERIODS, sequence
 from models.controller import Controller
 from models.machine import Machine, parameters
-from models.quantity import show
+from models.quantity import keeps_to, show
 from studies.as_known import limit_rows
 from studies.beforehand import require_designable, require_pid
 from studies.compensator import with_elements
@@ -263,7 +263,7 @@ def _wanted(machine: Machine, options: TrajectoryOptions) -> Wanted:
 def _check_size(machine: Machine, stroke: float, aimed: float) -> None:
     """Raises BadInputError for a motion on which history has no influence, and for one of too many samples."""
     reach = 2 * max(machine.friction.limit)
-    if stroke > LONGEST_STROKE * reach * (1 + 1e-9):  # or it may be refused for what it is told to be
+    if not keeps_to(stroke, LONGEST_STROKE * reach):  # or it may be refused for what it is told to be
         raise BadInputError(
             f"--machine, --stroke: all friction elements slip within {show(reach, 'm')} of a stroke of "
             f"{show(stroke, 'm')}, so that history hardly matters; give a stroke of at most "
@@ -286,7 +286,7 @@ def deadbeat_beside(machine: Machine, stroke: float) -> Deadbeat:
     plant, ts, aimed = machine.plant, machine.sample_time, machine.specification.reference_settling_time
     within = Constraints(thrust=usable_thrust(machine))
     shortest = shortest_settling_time(plant, ts, stroke, within)
-    if shortest <= aimed * (1 + 1e-9):
+    if keeps_to(shortest, aimed):
         return synthesise(plant, ts, aimed, stroke)
     return design_deadbeat(machine, settling_time=shortest, stroke=stroke, constraints=within)
 

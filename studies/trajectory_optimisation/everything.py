@@ -16,6 +16,7 @@ from design.validation import BATCH, sequence
 from design.wiping import wipe, wipe_to_json
 from models.friction import reached_states
 from models.machine import Machine
+from models.quantity import keeps_to
 from models.variation import drawn
 from studies.binomial import CONFIDENCE, interval
 from studies.perturbed import DAMPING, DEAD_TIME, MODE_GAIN, OFFSET_FRICTION_SHARE, Perturbed, perturbations
@@ -104,9 +105,9 @@ def _tables(machine: Machine, one: Perturbed, count: int, seed: int) -> list[Mac
 
 def _told(found: Sequence[Outcome], missed: Array, machine: Machine, wanted: Wanted) -> dict[str, Any]:
     count, in_time = len(found), machine.specification.settling_time
-    fine = sum(one.settling_fine <= wanted.settling_time * (1 + 1e-9) for one in found)
-    coarse = sum(one.settling <= in_time * (1 + 1e-9) for one in found)
-    within = sum(one.peak_thrust <= machine.drive.rated_thrust * (1 + 1e-9) for one in found)
+    fine = sum(keeps_to(one.settling_fine, wanted.settling_time) for one in found)
+    coarse = sum(keeps_to(one.settling, in_time) for one in found)
+    within = sum(keeps_to(one.peak_thrust, machine.drive.rated_thrust) for one in found)
     spread = float(np.quantile([one.dispersion_specified for one in found], QUANTILE, method="higher"))
     slow = float(np.quantile([one.settling_fine for one in found], QUANTILE, method="higher"))
     rms = np.sqrt(np.mean(missed**2, axis=0))

@@ -20,6 +20,7 @@ from models.quantity import (
     _is_any_rotary,
     is_rotary,
     json_name,
+    keeps_to,
     listed,
     parse,
     rotary,
@@ -223,3 +224,12 @@ def test_words_are_joined_as_one_reads_them_out(words: list[str], text: str) -> 
 def test_a_range_whose_ends_read_alike_is_told_once() -> None:
     assert span(show(3.401e-4, "s", 2), show(3.404e-4, "s", 2)) == "340 µs"
     assert span("1 s", "never") == "1 s to never"
+
+
+@pytest.mark.parametrize("limit", [25e-3, -3.0, 0.0])
+def test_a_number_keeps_to_a_limit_but_for_rounding(limit: float) -> None:
+    size = abs(limit)
+    assert keeps_to(limit, limit)
+    assert keeps_to(limit + 1e-10 * size, limit)
+    assert not keeps_to(limit + max(1e-8 * size, 1e-300), limit)
+    assert not keeps_to(math.inf, limit)
