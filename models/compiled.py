@@ -43,8 +43,9 @@ def inlined(kernel: Kernel) -> Kernel:
 def _made_of(names: Mapping[str, object], seen: set[str]) -> Iterator[str]:
     """What a kernel with these names about it may hold: numbers, and the files of other kernels."""
     for name, value in names.items():
-        if isinstance(value, int | float | complex | tuple):
-            yield f"{name}={value!r};"
+        numbers = value if isinstance(value, tuple) else (value,)
+        if all(isinstance(one, int | float | complex) for one in numbers):
+            yield f"{name}={numbers!r};"
         for part in [value, *(vars(value).values() if isinstance(value, ModuleType) else ())]:
             ours = type(part).__module__.startswith("numba.")  # others may make up any attribute
             function = getattr(part, "py_func", getattr(part, "_defn", None)) if ours else None  # or what writes code

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from models.quantity import value
+from models.quantity import listed, show, value
 
 if TYPE_CHECKING:
     import control
@@ -65,6 +65,8 @@ class Plant:
     wherever it stands among the modes, and raise ValueError for others.
 
     >>> plant = pos.Plant(1e-3, 1.0, modes=(pos.Mode(1 / 45, 0, 0), pos.Mode(0.002, 55, 0.02)))
+    >>> plant
+    Plant(45 kg and 55 Hz, dead time 1 ms)
     >>> round(plant.mass, 6), plant.flexible
     (45.0, (1,))
     """
@@ -76,6 +78,11 @@ class Plant:
         "1", "thrust per thrust reference K_t", above=0, at_least=1e-9, at_most=1e9, because=UNITS_REASON
     )
     modes: tuple[Mode, ...] = ()
+
+    def __repr__(self) -> str:
+        bodies = [show(1 / (self.thrust_constant * one.gain), "kg") for one in self.modes if one.frequency == 0]
+        modes = [f"{self.modes[i].frequency:.4g} Hz" for i in self.flexible]
+        return f"Plant({listed([*bodies, *modes]) or 'nothing moves'}, dead time {show(self.dead_time, 's')})"
 
     @property
     def rigid(self) -> int:

@@ -41,8 +41,8 @@ class Variation:
     effect. dead_time [s] and offset [N] are added to the file's. thrust_constant: of the thrust that a command makes;
     what the file knows in newtons of thrust, friction and offset, takes so much less of the thrust reference.
 
-    >>> pos.Variation(mass=0.03, dead_time=50e-6).mass
-    0.03
+    >>> pos.Variation(mass=0.03, dead_time=50e-6)
+    Variation(mass=0.03, dead_time=5e-05)
     """
 
     friction_force: float = 0.0
@@ -57,6 +57,10 @@ class Variation:
     dead_time: float = 0.0
     offset: float = 0.0
     thrust_constant: float = 0.0
+
+    def __repr__(self) -> str:
+        shown = [f"{one.name}={getattr(self, one.name)!r}" for one in fields(self) if np.any(getattr(self, one.name))]
+        return f"Variation({', '.join(shown) or 'none'})"
 
     def __post_init__(self) -> None:
         """Takes lists and arrays for tuples. Raises ValueError for an error of -1 or below, which leaves nothing, and

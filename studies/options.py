@@ -286,7 +286,7 @@ class Options:
         "FILE", "controller.json to take the PID from (default: the machine's)", reviewable=True
     )
     output: Path | None = path("FOLDER", "where results go (default: reports/out/{study})")
-    quick: bool = flag("coarser curves, for a smoke test; the report says so")
+    quick: bool = flag("fewer points, tables, cases or samples, for a smoke test; the report says so")
     seed: int = whole("N", "of all that is random (default: 0)", 0, default=0)
     time_limit: float | None = quantity(
         "s",

@@ -67,10 +67,15 @@ def test_the_notebook_of_the_readme_does_what_it_says(notebook: dict[str, Any]) 
     assert "</svg>" in notebook["figure"]._repr_svg_()
 
 
-def test_what_a_notebook_shows_of_an_object_is_one_line(notebook: dict[str, Any]) -> None:
-    for name in ("machine", "deadbeat", "controller", "response", "validation", "tuning", "diagnosis"):
-        shown = repr(notebook[name])
-        assert shown.startswith(f"{type(notebook[name]).__name__}(")
+def test_what_a_notebook_shows_of_an_object_is_one_line(notebook: dict[str, Any], folder: Path) -> None:
+    names = ("machine", "deadbeat", "controller", "response", "validation", "tuning", "diagnosis")
+    machine, trajectory = notebook["machine"], _names("Trajectory", notebook, folder)
+    parts = [machine.plant, machine.plant.modes[1], machine.friction, machine.control.pid, notebook["response"].record]
+    made = [pos.Variation(mass=0.03), pos.Columns(position="qm [mm]"), pos.Criteria(), pos.Constraints()]
+    solved = [trajectory[name] for name in ("task", "trajectory")] + [pos.TrajectoryLimits(thrust=100.0)]
+    for item in [*(notebook[name] for name in names), *parts, *made, *solved]:
+        shown = repr(item)
+        assert shown.startswith(f"{type(item).__name__}(")
         assert "\n" not in shown
         assert len(shown) <= 160, shown
 

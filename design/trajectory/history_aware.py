@@ -79,6 +79,10 @@ class Task:
     feedback: Feedback | None = None
     weights: tuple[float, float] = (1.0, 1.0)
 
+    def __repr__(self) -> str:
+        way = f"{show(self.stroke, 'm')} in {self.samples} samples of {show(self.sample_time, 's')}"
+        return f"Task({way}, {self.objective!r})"
+
 
 @dataclass(frozen=True)
 class Limits:

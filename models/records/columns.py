@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
 from models.quantity import QuantityError, is_rotary, parse
@@ -49,6 +49,8 @@ class Columns:
     derivative of the PID that ran was taken of, the "error" or the "position" alone.
 
     >>> columns = pos.Columns(position="qm [mm]", command="vir [V] * 35.2 N/V")
+    >>> columns
+    Columns(command='vir [V] * 35.2 N/V', position='qm [mm]')
     >>> columns.source("position")
     Source(name='qm', factor=0.001, decibels=False)
     """
@@ -65,6 +67,11 @@ class Columns:
     phase: str = "phase_deg"
     deviation: str = "relative_deviation"
     derivative: str = DERIVATIVES[0]
+
+    def __repr__(self) -> str:
+        given = ((one.name, getattr(self, one.name)) for one in fields(self))
+        shown = [f"{name}={entry!r}" for name, entry in given if entry != getattr(Columns, name)]
+        return f"Columns({', '.join(shown) or 'as the reference tables have them'})"
 
     def __post_init__(self) -> None:
         if self.derivative not in DERIVATIVES:
