@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
@@ -68,7 +69,8 @@ def usual_errors(machine: Machine) -> tuple[float, float]:
     because an identification is sure of itself."""
     stated = {one.name: max(one.relative) for one in known(machine) if one.origin == "value"}
     modes = [stated.get(f"plant.modes.{i + 1}.frequency", 0.0) for i in machine.plant.flexible]
-    mass = stated.get(f"plant.modes.{machine.plant.rigid + 1}.gain", 0.0)
+    gain = stated.get(f"plant.modes.{machine.plant.rigid + 1}.gain", 0.0)
+    mass = math.hypot(gain, stated.get("plant.thrust_constant", 0.0))  # a loop's gain is their product
     covered = (max(MODE_ERROR, DEVIATIONS * max(modes, default=0.0)), max(MASS_ERROR, DEVIATIONS * mass))
     return min(covered[0], LARGEST_ERROR), min(covered[1], LARGEST_ERROR)
 

@@ -169,7 +169,8 @@ def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     fitted = _within_rating(machine, records)
     found = freed(fitted, records, stated_at_bounds)
     rests = found is not fitted and not stated_at_bounds(found.candidate)
-    return found if rests and fitted.cost - found.cost > MIN_CHI_SQUARE_GAIN else fitted
+    gained = float(np.sum(fitted.innovations**2) - np.sum(found.innovations**2))  # the priors are others
+    return found if rests and gained > MIN_CHI_SQUARE_GAIN else fitted
 
 
 def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,7 @@ from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -23,7 +25,11 @@ def compiled(kernel: Kernel) -> Kernel:
     made: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(kernel)
     if made is not kernel:  # as it is where nothing is compiled
         # Numba looks at the kernel's own file alone, and would go on with what other files had when it was compiled.
-        parts = {_digest(made.py_func.__code__.co_filename), *_made_of(made.py_func.__globals__, set())}
+        parts = {
+            _digest(__file__),
+            _digest(made.py_func.__code__.co_filename),
+            *_made_of(made.py_func.__globals__, set()),
+        }
         stamp = hashlib.sha256("".join(sorted(parts)).encode()).hexdigest()
         stored = made._cache._cache_file
         # As a version: of what another one stored Numba reads nothing, and so none that names a class that is no more.
@@ -41,11 +47,16 @@ def inlined(kernel: Kernel) -> Kernel:
 
 
 def _made_of(names: Mapping[str, object], seen: set[str]) -> Iterator[str]:
-    """What a kernel with these names about it may hold: numbers, and the files of other kernels."""
+    """What a kernel with these names about it may hold: numbers and texts, arrays, the files of tuples with named
+    fields, and those of other kernels."""
     for name, value in names.items():
         numbers = value if isinstance(value, tuple) else (value,)
-        if all(isinstance(one, int | float | complex) for one in numbers):
+        if all(isinstance(one, int | float | complex | str) for one in numbers) and not name.startswith("__"):
             yield f"{name}={numbers!r};"
+        if isinstance(value, np.ndarray):
+            yield f"{name}={value.dtype}{value.tobytes().hex()};"
+        if isinstance(value, type) and issubclass(value, tuple) and value.__module__ in sys.modules:
+            yield _digest(str(getattr(sys.modules[value.__module__], "__file__", "")))
         for part in [value, *(vars(value).values() if isinstance(value, ModuleType) else ())]:
             ours = type(part).__module__.startswith("numba.")  # others may make up any attribute
             function = getattr(part, "py_func", getattr(part, "_defn", None)) if ours else None  # or what writes code
@@ -61,4 +72,6 @@ def _is_own(file: str, seen: set[str]) -> bool:
 
 @cache
 def _digest(file: str) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    """Of a file's content; of a cell of a notebook, which is in no file, its name, as Numba looks at its source."""
+    path = Path(file)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else file

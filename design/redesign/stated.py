@@ -26,7 +26,8 @@ THRUST: Final = "plant.thrust_constant"  # drawn as an error of the whole machin
 
 def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Machine, ...]:
     """`count` machines around this one (SI): values with a stated standard deviation by that, all others by the file's
-    tolerances.
+    tolerances. What has a deviation of its own is in newtons of the thrust reference, as records show it: another
+    thrust constant moves only what is known in newtons.
 
     >>> from models.machine import load
     >>> tables = machines_as_stated(load(), 3)
@@ -36,7 +37,7 @@ def machines_as_stated(machine: Machine, count: int, seed: int = 0) -> tuple[Mac
     rng = np.random.default_rng([seed, 31])
     stated = [one for one in known(machine) if one.origin == "value" and one.name in machine.sources]
     alone = [one for one in stated if not one.shares and one.name != THRUST]
-    shared = [one for one in stated if one.shares]
+    shared = [one for one in stated if one.shares and one.name != THRUST]
     together = _together(machine, shared, count, np.random.default_rng([seed, 37]))
     return tuple(_drawn(machine, alone, shared, moved, rng) for moved in together)
 

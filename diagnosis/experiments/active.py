@@ -159,7 +159,8 @@ def _next(known: Knowledge, choose: Choose) -> Choice | None:
         return None
     if known.found:
         return choose(known)
-    return Choice((min(fits),), "to begin with what the axis runs anyway")
+    why = "to begin with what the axis runs anyway" if min(fits) == 0 else "as what the axis runs anyway was not run"
+    return Choice((min(fits),), why)
 
 
 def _spent(known: Knowledge, parts: list[ExperimentInformation]) -> Knowledge:

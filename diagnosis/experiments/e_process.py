@@ -165,7 +165,8 @@ def _is_logged(name: str, before: Look) -> bool:
 def _in_the_log(name: str, before: Look, now: Baseline, fresh: int) -> float:
     """Logarithm of LR [1] of what no force law shows: a replay that fails again, commands that are late again."""
     if Place.CONTROL in now.machine.kinds[name].hooks:
-        return -CERTAIN if all(one.replays for one in now.replays[-fresh:]) else CERTAIN
+        checked = [one.replays for one in now.replays[-fresh:] if one.checked]
+        return 0.0 if not checked else -CERTAIN if all(checked) else CERTAIN
     last = replace(now.nominal, residuals=now.nominal.residuals[-fresh:], paths=now.nominal.paths[-fresh:])
     seen, known = lateness(last, now.records[-fresh:]), lateness(before.baseline.nominal, before.baseline.records)
     if not np.isfinite(seen.scatter) or seen.scatter <= 0:

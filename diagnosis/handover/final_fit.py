@@ -94,7 +94,7 @@ def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
 
 
 def stated_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The values of effects at a bound, but for periods: of those that the machine file states, without others."""
+    """The values of effects at a bound, but for periods; for a candidate whose effects are the machine file's alone."""
     return tuple(one for one in at_bounds(candidate) if one.part != "nominal" and not _is_period(candidate, one))
 
 

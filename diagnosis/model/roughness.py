@@ -52,8 +52,16 @@ def unmodelled_variance(fitted: Fit, records: Sequence[Record], least: int) -> A
     scatter = np.array([float(np.mean(own**2)) if own.size else 0.0 for own in known])
     pairs = zip(fitted.residuals, records, strict=True)
     steady = np.array([steady_variance(residual.innovations, record, loop) for residual, record in pairs])
-    told = np.minimum(steady, variance_by_record(fitted))[~np.isnan(steady)]
-    return np.asarray(np.maximum(scatter, np.min(told) if told.size else 1.0))
+    told = np.minimum(steady, variance_by_record(fitted))
+    counts = np.array([_blocks(record, loop)[1] for record in records])
+    of_many = told[counts >= min(MOVING, counts.max())]  # the least of a few blocks is of chance
+    return np.asarray(np.maximum(scatter, np.min(of_many) if counts.max() > 1 else 1.0))
+
+
+def _blocks(record: Record, loop: float) -> tuple[int, int]:
+    """The samples of a short block, and how many of them a record has."""
+    length = max(round(BLOCK_LOOP_TIMES * loop / record.sample_time), MIN_BLOCK_SAMPLES)
+    return length, (record.position.size - STARTING) // length
 
 
 def steady_variance(innovations: Array, record: Record, loop: float) -> float:
@@ -62,9 +70,8 @@ def steady_variance(innovations: Array, record: Record, loop: float) -> float:
     loop [s]: `units.loop_time`."""
     half = 0.5 / record.sample_time
     low, high = (np.array(BAND) / (2 * np.pi * loop)).clip(max=np.array(NYQUIST_BAND) * half)
-    length = max(round(BLOCK_LOOP_TIMES * loop / record.sample_time), MIN_BLOCK_SAMPLES)
+    length, count = _blocks(record, loop)
     e, course = innovations[STARTING:], record.reference[STARTING:]
-    count = e.size // length
     if count < 2:
         return math.nan
     window = np.hanning(length)

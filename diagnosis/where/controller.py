@@ -306,7 +306,7 @@ def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterato
         alone = replay(record, bare.feedback, delay)
         part = replay(record, control.feedback, delay) - alone
         other = f"a reference delay of {_samples(delay)} instead of {control.reference_delay} and "
-        for shift in range(-MAX_SHIFT_SAMPLES, MAX_SHIFT_SAMPLES + 1):
+        for shift in SHIFTS:
             if shift:
                 late = f"{_samples(abs(shift))} {'later' if shift > 0 else 'sooner'}"
                 words = f"{other if delay != control.reference_delay else ''}the acceleration feedforward {late}"

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numba
 import numpy as np
 from numba import types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
@@ -94,7 +95,10 @@ def _call_address(
     """A call of the compiled function at the address `law`, as numba itself calls one of its functions.
 
     The arrays are lent: to count their holders, as the slices of a compiled function do, takes longer than a short law.
+    Raises TypingError where the arrays are not those that a law is compiled for.
     """
+    if (parameters, now, memory, contact) != _SIGNATURE.args[1:] or span != types.int64[::1]:
+        raise TypingError(f"a law takes {_SIGNATURE.args[1:]}, not {(parameters, now, memory, contact)}")
 
     def build(context: Any, builder: Any, _: Any, given: Any) -> Any:
         address, before, spans, *arrays = given

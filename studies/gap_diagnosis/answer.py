@@ -11,6 +11,7 @@ from models.quantity import listed, show
 from studies.gap_diagnosis import common_factor, how_far, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
 from studies.gap_diagnosis.no_name import never_the_same, noise_alone, without_a_name, without_a_name_in_short
+from studies.gap_diagnosis.stated_effects import moved_values
 from studies.gap_diagnosis.too_small import too_small
 from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, refit_is_most, told_off
 from studies.gap_diagnosis.weights_told import far_off, roughness
@@ -19,6 +20,7 @@ from studies.wording import effect, effects_listed, fitted
 Results = Mapping[str, Any]
 
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
+ROUNDING_SHARE: Final = 0.01  # of what a replay leaves: below it a change leaves rounding alone
 
 
 def sentences(results: Results) -> dict[str, str]:
@@ -96,16 +98,18 @@ def _which(results: Results) -> list[str]:
     verdict = results["verdict"]
     outcome, names = verdict["outcome"], verdict["effects"]
     led = outcome == "none_of_these" and not is_unsure(verdict) and not never_the_same(results)
-    stated = [] if led and refit_is_most(results) else stated_effects.told(results.get("stated_effects", ()))
+    first = outcome == "parameters" or (led and refit_is_most(results))
+    stated = [] if first else stated_effects.told(results.get("stated_effects", ()))
     beside = [*_elements(results), *stated, *common_factor.told(results.get("common_factor"))]
     if outcome == "nothing_to_explain":
         told = "The machine file explains the records as it is: as far as they can show, no effect is missing."
         return [told, *beside]
     if outcome == "parameters":
         rows = {row["name"]: row for row in results["shifts"]}
-        off = listed([off_by(rows[name]) if name in rows else effect(name) for name in names])
-        told = f"Nominal values are off, {off}; re-fitted within their tolerances, no effect is missing."
-        return [told, *beside]
+        moved = results.get("stated_effects", ())
+        others = [name for name in names if name not in {row["effect"] for row in moved}]
+        off = [*moved_values(moved), *(off_by(rows[name]) if name in rows else effect(name) for name in others)]
+        return [f"Nominal values are off, {listed(off)}; re-fitted, no effect is missing.", *beside]
     if outcome == "none_of_these":
         return [*_nameless(results), *beside]
     rows = {row["effect"]: row for row in results["which"]}
@@ -118,7 +122,7 @@ def _which(results: Results) -> list[str]:
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else []
     return [
-        f"It is {listed(shown)}{_as_logged(results)}.",
+        " ".join([f"It is {listed(shown)}.", *_as_logged(results)]),
         *_at_rating(results),
         *rough,
         *by_curve,
@@ -150,16 +154,16 @@ def _nameless(results: Results) -> list[str]:
     return [*told, "Correct the log or the controller first, because the rest may be due to it."]
 
 
-def _as_logged(results: Results) -> str:
-    """What is added to names of which one is of the log alone, where one change makes every record replay."""
+def _as_logged(results: Results) -> list[str]:
+    """The one change of the log with which every record's commands are reproduced, where a name is of the log."""
     catalogue, replays = results["catalogue"], results["where"]["details"]["controller"]
     of_log = any(catalogue.get(name, {}).get("shown_in") == "log" for name in results["verdict"]["effects"])
     failing = [one for one in replays if not one["replays"]]
-    changes = {one["would_fit"] for one in failing if one["would_leave_N"] <= one["tolerance_N"]}
-    if not of_log or len(changes) != 1 or not all(one["would_fit"] in changes for one in failing):
-        return ""
-    change = changes.pop()
-    return f": with {change}, the stated controller makes the commands; correct the log or the machine file by that"
+    changes = {one["would_fit"] for one in failing}
+    least = [one["would_leave_N"] <= min(one["tolerance_N"], ROUNDING_SHARE * one["rms_N"]) for one in failing]
+    if not of_log or len(changes) != 1 or None in changes or not all(least):
+        return []
+    return [f"With {changes.pop()}, the stated controller makes the commands: correct the log, or the file, by that."]
 
 
 def _at_rating(results: Results) -> list[str]:

@@ -13,10 +13,10 @@ from models.quantity import listed
 from studies.gap_diagnosis.values_off import in_percent
 from studies.wording import effect
 
-LEAST: Final = 0.02  # change of a thrust constant that is worth a sentence [1]
-ALIKE: Final = 0.15  # of their median, on logarithms, within which values moved by one factor
-LIKELY: Final = 0.5  # the same for the others: friction may have changed by itself, too
-ENOUGH: Final = 3  # values that moved by it: two may have changed by as much without having to do with each other
+MIN_CHANGE: Final = 0.02  # change of a thrust constant that is worth a sentence [1]
+MAX_SPREAD: Final = 0.15  # of their median, on logarithms, within which values moved by one factor
+MAX_OTHERS_SPREAD: Final = 0.5  # of it, for values that something else moved as well, as wear does friction
+MIN_MOVED_VALUES: Final = 3  # values that moved by it: two may have changed by as much by chance
 
 
 def common_factor(given: Machine, better: Machine) -> dict[str, Any] | None:
@@ -27,11 +27,12 @@ def common_factor(given: Machine, better: Machine) -> dict[str, Any] | None:
         "friction": (given.friction.coulomb_force, better.friction.coulomb_force),
         **_forces(given, better),
     }
-    moved = {name: math.log(now / before) for name, (before, now) in pairs.items() if before * now > 0}
-    middle = statistics.median(moved.values()) if len(moved) == len(pairs) else 0.0
-    alike = [name for name, one in moved.items() if abs(one - middle) <= ALIKE * abs(middle)]
-    together = all(abs(one - middle) <= LIKELY * abs(middle) for one in moved.values())
-    if abs(middle) < LEAST or len(alike) < ENOUGH or not together:
+    known = {name: pair for name, pair in pairs.items() if pair != (0.0, 0.0)}
+    moved = {name: math.log(now / before) for name, (before, now) in known.items() if before * now > 0}
+    middle = statistics.median(moved.values()) if len(moved) == len(known) else 0.0
+    alike = [name for name, one in moved.items() if abs(one - middle) <= MAX_SPREAD * abs(middle)]
+    together = all(abs(one - middle) <= MAX_OTHERS_SPREAD * abs(middle) for one in moved.values())
+    if abs(middle) < MIN_CHANGE or len(alike) < MIN_MOVED_VALUES or not together:
         return None
     return {"names": alike, "factor": math.exp(middle)}
 
@@ -56,6 +57,6 @@ def told(found: Mapping[str, Any] | None) -> list[str]:
     grown, weaker = ("larger", "smaller") if factor > 1 else ("smaller", "larger")
     names = listed([effect(name) for name in found["names"]])
     return [
-        f"{names[0].upper()}{names[1:]} are all {change} {grown}, as they would be of a thrust constant that is "
+        f"{names[0].upper()}{names[1:]} are all {change} {grown}, as they would be if the thrust constant were "
         f"{constant} {weaker}: check the motor's constant and the scale of its current first."
     ]

@@ -93,7 +93,7 @@ def _gap_closed(results: Results) -> list[str]:
     if len(far["stages"]) <= UNNAMED:
         moved = _from_to(far["gap_as_delivered"], far["gap_refitted"])
         refit = f"re-fitting the nominal values takes the gap {moved}"
-        return [f"What is named is in no file; {refit}; the noise floor is {floor}."]
+        return [f"What is named is not part of improved.toml; {refit}; the noise floor is {floor}."]
     if unknown_law.is_the_answer(results):
         (file,) = (one["on_records"] for one in far["files"] if one["file"] == Content.MEASURED)
         return [
@@ -153,8 +153,8 @@ def _handed_over(results: Results) -> list[str]:
         told.append(_file_told(far))
     elif any(one["command_late_samples"] for one in results["where"]["details"]["controller"]):
         told.append(
-            "Commands that are logged at another time than they acted, as a torque or a current that is measured, give "
-            "no dead time that is the machine's. "
+            "The commands were logged at another time than they acted, as happens with a measured torque or current, "
+            "so that the fitted dead time is not the machine's. "
             f"{FILES[Content.DELIVERED]}"
         )
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:

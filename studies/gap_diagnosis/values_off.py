@@ -42,7 +42,7 @@ def mostly(results: Results) -> list[Results]:
 
 
 def refit_is_most(results: Results) -> bool:
-    """Whether other values alone take off most of the gap to the noise floor, in force."""
+    """Whether re-fitted values alone take off most of the gap to the noise floor, in force."""
     before, after, floor = (
         results["how_far"][name]["force_N"] for name in ("gap_as_delivered", "gap_refitted", "floor")
     )
@@ -50,7 +50,7 @@ def refit_is_most(results: Results) -> bool:
 
 
 def stated_mostly(results: Results) -> Sequence[Results]:
-    """The values of effects that the file states that are off, where other values alone are most of the gap."""
+    """The values of effects that the file states that are off, where re-fitted values alone close most of the gap."""
     return results.get("stated_effects", ()) if refit_is_most(results) else ()
 
 

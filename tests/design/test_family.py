@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from design.family import family, largest_pole, linear, slopes, with_effects
+from design.family import DEVIATIONS, MASS_ERROR, family, largest_pole, linear, slopes, usual_errors, with_effects
 from design.loop import assess, frequency_response
 from design.pid.rules import slow_rule
 from design.pid.tuning import tune_pid
@@ -16,7 +16,7 @@ from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.structure import AdditionalMode, CableSpring
 from models.identification import modes
-from models.machine import load
+from models.machine import Provenance, load
 from models.plant import Mode
 
 MACHINE = load()
@@ -73,3 +73,14 @@ def test_a_loop_that_the_lag_makes_unstable_is_one() -> None:
     late = replace(MACHINE, effects=(CurrentLoopLag(10e-3),))
     assert largest_pole(MACHINE, MACHINE.control.pid) < 1 < largest_pole(late, MACHINE.control.pid)
     assert slow_rule(late).kp < 0.5 * slow_rule(MACHINE).kp
+
+
+def test_a_mass_error_covers_what_is_stated_of_gain_and_thrust_constant() -> None:
+    """A loop's gain is their product."""
+    machine = load()
+    rigid = f"plant.modes.{machine.plant.rigid + 1}.gain"
+    names = {rigid: 0.04 * machine.plant.modes[machine.plant.rigid].gain, "plant.thrust_constant": 0.03}
+    said = {name: Provenance("identified", "a record", std=std) for name, std in names.items()}
+    stated = replace(machine, sources={**machine.sources, **said})
+    assert usual_errors(stated)[1] == pytest.approx(DEVIATIONS * 0.05)
+    assert usual_errors(machine)[1] == MASS_ERROR

@@ -6,8 +6,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from models.compiled import _digest
 
 ROOT = Path(__file__).parents[2]
 PART = """
@@ -81,3 +84,32 @@ def test_a_kernel_of_a_class_that_was_renamed_is_compiled_anew(tmp_path: Path) -
             (tmp_path / file).write_text(text.format(name=name), encoding="utf-8")
         assert _said(tmp_path) == (3.0, 0)
         assert _said(tmp_path) == (3.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "after"),
+    [
+        ("a text", "FACTOR = 'a'\n", "FACTOR = 'ab'\n"),
+        ("an array", "import numpy as np\nFACTOR = np.ones(1)\n", "import numpy as np\nFACTOR = np.ones(2)\n"),
+    ],
+)
+def test_a_kernel_is_compiled_anew_where_what_it_holds_changed(
+    kind: str, before: str, after: str, tmp_path: Path
+) -> None:
+    kernel = KERNEL.replace("part(x) + FACTOR * x", "part(x) + len(FACTOR)")
+    for name, text in (("near.py", PART.format(factor=2.0)), ("far.py", before), ("main.py", kernel)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert _said(tmp_path) == (3.0, 0), kind
+    (tmp_path / "far.py").write_text(after, encoding="utf-8")
+    assert _said(tmp_path) == (4.0, 0), kind
+
+
+def test_a_kernel_of_a_notebook_compiles(tmp_path: Path) -> None:
+    """A cell is in no file."""
+    cell = tmp_path / "cell.py"
+    source = "from models.compiled import compiled\n@compiled\ndef twice(x):\n    return 2.0 * x\n"
+    cell.write_text(source, encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "cell"}
+    exec(compile(source, str(cell), "exec"), names)
+    assert names["twice"](2.0) == 4.0
+    assert _digest(str(tmp_path / "gone.py")) == str(tmp_path / "gone.py")

@@ -151,6 +151,9 @@ def test_a_controller_alone_is_tested_by_its_replays_of_the_new_records(
     process = e_process.tested(_look(dragged[0], ("controller_mismatch",), ()), now, EProcess())
     assert process.is_confirmed("controller_mismatch", 1e-6) is not replays
     assert (process.any > 0) is not replays
+    unchecked = replace(now, known_replays=tuple(replace(one, checked=False) for one in now.known_replays))
+    same = e_process.tested(_look(dragged[0], ("controller_mismatch",), ()), unchecked, EProcess())
+    assert same.any == same.of("controller_mismatch") == 0.0
 
 
 def test_on_simulated_tables_without_an_effect_the_mean_e_value_is_one_at_most() -> None:

@@ -26,11 +26,11 @@ def test_what_a_thrust_constant_scales_is_told_by_one_factor() -> None:
     assert found is not None
     assert found["factor"] == pytest.approx(1.0865, rel=1e-3)
     assert told(found) == [
-        "Moving mass, cable spring and viscous friction are all 8.6 % larger, as they would be of a thrust constant "
-        "that is 8 % smaller: check the motor's constant and the scale of its current first."
+        "Moving mass, cable spring and viscous friction are all 8.6 % larger, as they would be if the thrust constant "
+        "were 8 % smaller: check the motor's constant and the scale of its current first."
     ]
     smaller = common_factor(GIVEN, _moved(-0.05, -0.05, -0.05, -0.05))
-    assert "are all 5 % smaller, as they would be of a thrust constant that is 5.3 % larger" in told(smaller)[0]
+    assert "are all 5 % smaller, as they would be if the thrust constant were 5.3 % larger" in told(smaller)[0]
 
 
 @pytest.mark.parametrize(

@@ -83,13 +83,16 @@ def test_a_log_that_is_late_tells_its_change_and_claims_no_closure(results: dict
     whole["how_far"]["stages"] = whole["how_far"]["stages"][:2]
     (replay,) = whole["where"]["details"]["controller"]
     replay |= {"replays": False, "would_fit": "the reference logged 3 samples late", "would_leave_N": 7e-6}
-    replay |= {"tolerance_N": 6e-4}
+    replay |= {"tolerance_N": 6e-4, "rms_N": 53.0}
     told = sentences(whole)
     assert told["which"].startswith(
-        "It is controller mismatch: with the reference logged 3 samples late, the stated controller makes the "
-        "commands; correct the log or the machine file by that."
+        "It is controller mismatch. With the reference logged 3 samples late, the stated controller makes the "
+        "commands: correct the log, or the file, by that."
     )
-    assert told["how_far"].startswith("What is named is in no file; re-fitting the nominal values takes the gap from")
+    assert told["how_far"].startswith(
+        "What is named is not part of improved.toml; re-fitting the nominal values takes the gap from"
+    )
     assert "closes" not in told["how_far"]
-    replay |= {"would_leave_N": 1.0}
-    assert sentences(whole)["which"].startswith("It is controller mismatch. ")
+    for other in ({"would_leave_N": 1.0}, {"would_fit": None}):
+        replay |= other
+        assert "the stated controller makes" not in sentences(whole)["which"]

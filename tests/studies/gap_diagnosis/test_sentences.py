@@ -171,7 +171,7 @@ def test_values_that_the_re_fit_would_move_where_nothing_is_wrong_are_told(resul
 
 
 def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, Any]) -> None:
-    details = {**results["where"]["details"], "controller": [{"replays": False}]}
+    details = {**results["where"]["details"], "controller": [{"replays": False, "command_late_samples": 0}]}
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     told = sentences({**results, "verdict": verdict, "where": {**results["where"], "details": details}})
     assert "Correct the log or the controller first" in told["which"]

@@ -176,7 +176,7 @@ def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) ->
     assert re.search(r"from sample 6\d on", found["answer"]["where"])
     assert "with the command logged 1 sample late" in found["answer"]["where"]
     assert found["how_far"]["adopted_file"] == "as delivered"  # whose dead time is the machine's
-    assert "as a torque or a current that is measured" in found["answer"]["how_far"]
+    assert "as happens with a measured torque or current" in found["answer"]["how_far"]
     assert not (tmp_path / "out" / "next_experiment.csv").exists()
 
 
