@@ -99,7 +99,7 @@ def test_a_mode_slower_than_the_usual_ones_is_found(law: AdditionalMode, monkeyp
     assert usual.widest[0] < law.frequency < 0.7 * usual.low
     records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
     nominal = refit_within(MACHINE, records)
-    monkeypatch.setattr("diagnosis.which.scan.SHOWN", {AdditionalMode.shown_in()})
+    monkeypatch.setattr("diagnosis.which.scan.VISIBLE_SIGNALS", {AdditionalMode.shown_in()})
     found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
     best = next(one for one in found if one.effect.name == law.name)
     assert isinstance(best.effect, AdditionalMode)
