@@ -170,7 +170,8 @@ def test_a_controller_that_does_not_replay_is_named_and_the_run_goes_on(own: Mad
 
 
 def test_a_log_that_is_late_is_said_with_its_shift(own: Made, tmp_path: Path) -> None:
-    late = replace(own.records[0], command=np.roll(own.records[0].command, 1))
+    part = own.records[0].part(0, own.records[0].position.size // 2)
+    late = replace(part, command=np.roll(part.command, 1))
     assert run(tmp_path, [late], own.machine) == DONE
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["results"]
     assert re.search(r"from sample 6\d on", found["answer"]["where"])
