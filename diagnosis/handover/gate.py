@@ -43,6 +43,10 @@ MAX_RELATIVE_HARM: Final = 0.1
 # Tolerances by which a file may move a value that the re-fit moves where nothing is wrong.
 MAX_BIASED_MOVE_STDS: Final = 3.0
 ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for their arithmetic
+# What a file leaves more of, if only by chance, by more than this part
+MIN_CHANCE_HARM: Final = 0.02
+# it has to leave less of the other error by so many times as much, on logarithms.
+MIN_TRADE_RATIO: Final = 3.0
 MEASURES: Final = ("force", "position", "settling")
 
 
@@ -121,13 +125,14 @@ class Handover:
         return next((file for file in self.files if file.name == name), None)
 
 
-def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None) -> Handover:
+def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None, *, incomplete: bool = False) -> Handover:
     """The handover among files, the first of them as delivered and then the richer the later; fallback: a simpler one
-    than the second, which is judged only where that does harm."""
+    than the second, which is judged only where that does harm. incomplete: whether the model lacks something that has
+    no name, for which values may make up."""
     first, *rest = files
     best, judged_, harms = first, [first], list[Harm]()
     for number, file in enumerate(rest):
-        found = _harms(file, first)
+        found = _harms(file, first) or (_poor_trade(file, first) if incomplete else [])
         if not found and not _closer(file, best):
             worse = _harms(file, best)
             found = [] if _outweighed(worse, file, best) else worse
@@ -193,6 +198,21 @@ def _harms(file: File, other: File) -> list[Harm]:
             first, then = (size if measure == "settling" else size**0.5 for size in sizes)
             found.append(Harm(file.name, measure, other.name, first, then))
     return found
+
+
+def _poor_trade(file: File, other: File) -> list[Harm]:
+    """That error of force and position of which a file leaves more, within chance, where it leaves hardly less of the
+    other: values that make up for what a model lacks take off some of one and add to the other."""
+    first, then = (
+        [float(one.mean(measure)) ** 0.5 for measure in MEASURES[:2]] for one in (other.held_out, file.held_out)
+    )
+    if min(*first, *then) <= 0:
+        return []
+    moved = np.log(np.divide(then, first))
+    worse = int(np.argmax(moved))
+    if moved[worse] <= MIN_CHANCE_HARM or -moved[1 - worse] >= MIN_TRADE_RATIO * moved[worse]:
+        return []
+    return [Harm(file.name, MEASURES[worse], other.name, first[worse], then[worse])]
 
 
 def as_delivered(baseline: Baseline) -> File:

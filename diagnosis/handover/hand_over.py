@@ -182,7 +182,7 @@ def how_far(
         handover = Handover(delivered, (delivered, *files))
     else:
         learned = [] if law is None else [with_fit(Content.MEASURED, finished(law, records), baseline)]
-        handover = _gated(delivered, files, learned, baseline, adopted=outcome in ADOPTED)
+        handover = _gated(delivered, files, learned, baseline, outcome)
     named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
     if len(files) > 1:
         named.append((f"{stages[-1].added}", files[-1].gap))
@@ -198,15 +198,16 @@ def how_far(
 
 
 def _gated(
-    delivered: File, files: Sequence[File], learned: Sequence[File], baseline: Baseline, *, adopted: bool
+    delivered: File, files: Sequence[File], learned: Sequence[File], baseline: Baseline, outcome: Outcome
 ) -> Handover:
-    """The file among those that may be handed over; files: re-fitted and, if there are effects, with them; adopted:
-    whether these may be in it. Where the file with all of them does harm, it may still have some."""
+    """The file among those that may be handed over; files: re-fitted and, if there are effects, with them, which the
+    outcome lets into it or not. Where the file with all of them does harm, it may still have some."""
+    adopted = outcome in ADOPTED
     refitted, with_effects = files[:1], files[1:]
     judged = (*files, *learned) if adopted else (*refitted, *learned)
     doubted = [one for one in judged if not is_believed(one, baseline)]
     may = [delivered, *(one for one in judged if one not in doubted)]
-    handover = chosen(may, lambda: offset_alone(baseline, delivered))
+    handover = chosen(may, lambda: offset_alone(baseline, delivered), incomplete=outcome is Outcome.NONE)
     if adopted and with_effects and handover.adopted.name not in {Content.EFFECTS, Content.MEASURED}:
         handover = _with_some(handover, with_effects[0], baseline)
     rest = () if adopted else with_effects

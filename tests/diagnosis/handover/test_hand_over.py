@@ -18,6 +18,7 @@ from diagnosis.how_far import Gap
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.verdict import Outcome
 from models.effects.base import Effect
 from models.effects.scale import ScalePeriodicError
 from models.effects.structure import CableSpring
@@ -115,7 +116,8 @@ def _handed(*effects: Effect, forces: tuple[Resonance, ...] = (), adopted: bool 
     refitted = _judged_by_its_effects("re-fitted", Made(_candidate()))
     with_all = _judged_by_its_effects("with effects", Made(_candidate(*effects, forces=forces)))
     baseline: Any = SimpleNamespace(records=())
-    return hand_over._gated(delivered, [refitted, with_all], [], baseline, adopted=adopted)
+    outcome = Outcome.ATTRIBUTED if adopted else Outcome.NONE
+    return hand_over._gated(delivered, [refitted, with_all], [], baseline, outcome)
 
 
 @pytest.mark.usefixtures("stubbed")
