@@ -135,26 +135,21 @@ def validate_many(
     machines: Sequence[Machine],
     controller: Controller | Sequence[Controller],
     *,
-    given: References | Sequence[References] | None = None,
-    stroke: float | None = None,
     periods: int = PERIODS,
     reading: Reading = "position",
     substeps: int = 10,
-    seed: int = 0,
 ) -> tuple[Validation, ...]:
     """`validate` of each machine over the same sequence, many at a time.
 
-    controller, given: for all, or one for each; given: x_T*, u_ff, u_rf over the whole `sequence`. The machines must
-    agree in stroke, number and interval of motions and sample time. Whether the last two periods agree is in each
-    Validation's repeat_error [m]. Each keeps its last period only; what is simulated at a time is bounded by
-    MAX_BLOCK_SAMPLES.
+    controller: for all, or one for each. The machines must agree in stroke, number and interval of motions and sample
+    time. Whether the last two periods agree is in each Validation's repeat_error [m]. Each keeps its last period only;
+    what is simulated at a time is bounded by MAX_BLOCK_SAMPLES.
     """
     if not machines:
         return ()
-    target = sequence(machines[0], stroke, periods)
-    responses = respond(machines, controller, target, given=given, substeps=substeps, seed=seed)
+    responses = respond(machines, controller, sequence(machines[0], None, periods), substeps=substeps)
     return tuple(
-        assess(machine, response, stroke=stroke, periods=periods, reading=reading)
+        assess(machine, response, periods=periods, reading=reading)
         for machine, response in zip(machines, responses, strict=True)
     )
 
@@ -171,8 +166,9 @@ def respond(
 ) -> Iterator[Response]:
     """The responses of many machines to one target r (n,) [m], simulated up to BATCH at a time as they are asked for.
 
-    The arguments are those of `validate_many`; initial_friction: of each machine's elements (N,) [m], default 0. Who
-    keeps little of each response needs memory for one batch only.
+    controller, given: for all, or one for each; given: x_T*, u_ff, u_rf over the whole target. seed: of the scale's
+    noise. initial_friction: of each machine's elements (N,) [m], default 0. Who keeps little of each response needs
+    memory for one batch only.
     """
     laws = [controller] * len(machines) if isinstance(controller, Controller) else controller
     size = max(min(BATCH, MAX_BLOCK_SAMPLES // max(target.size, 1)), 1)

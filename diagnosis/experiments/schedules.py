@@ -32,6 +32,8 @@ SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by defaul
 RAMP: Final = 0.2  # periods of the lowest frequency in which a multisine begins, and in which it ends
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
 SHORTEST_RESTS: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain
+HOLD_S: Final = 15.0  # s that nothing moves, for what goes on by itself
+HARD_THRUST_SHARES: Final = (0.2, 0.4, 0.6, 0.8)  # of the rated thrust
 UNHURRIED_THRUST_SHARE: Final = 0.6  # of the rated thrust, for what need not be fast
 HALF_WAY: Final = 0.45  # of the stated travel, over which what depends on the place is looked at, at the least
 AT_TOP_SPEED: Final = 3.0  # s that such a stroke takes at the rated speed, at the most
@@ -116,9 +118,9 @@ def quickest(machine: Machine, distance: float, share: float) -> float:
     return max(by_thrust, PEAK_SPEED * distance / machine.drive.rated_speed, 2 * machine.sample_time)
 
 
-def allowed(machine: Machine, distance: float, speed: float, share: float = 0.6) -> float:
-    """The peak speed [m/s] of a move of `distance` [m], reduced to what a share [1] of the rated thrust can reach."""
-    return min(speed, PEAK_SPEED * distance / quickest(machine, distance, share))
+def allowed(machine: Machine, distance: float, speed: float) -> float:
+    """The peak speed [m/s] of a move of `distance` [m], reduced to what its share of the rated thrust can reach."""
+    return min(speed, PEAK_SPEED * distance / quickest(machine, distance, UNHURRIED_THRUST_SHARE))
 
 
 def at_share(machine: Machine, distance: float, share: float, longest: float = 1.0) -> float:
@@ -243,9 +245,9 @@ def strokes(
     return schedule("strokes", machine, steps)
 
 
-def hold(machine: Machine, duration: float = 15.0) -> Schedule:
-    """Nothing moves for `duration` [s]."""
-    return schedule("hold", machine, [Move(0.0, duration, 0.0)])
+def hold(machine: Machine) -> Schedule:
+    """Nothing moves for HOLD_S [s]."""
+    return schedule("hold", machine, [Move(0.0, HOLD_S, 0.0)])
 
 
 def nested_loops(machine: Machine, sizes: Sequence[float], duration: float) -> Schedule:
@@ -254,18 +256,16 @@ def nested_loops(machine: Machine, sizes: Sequence[float], duration: float) -> S
     return schedule("nested loops", machine, steps)
 
 
-def hard_moves(machine: Machine, distance: float, shares: Sequence[float] = (0.2, 0.4, 0.6, 0.8)) -> Schedule:
-    """Moves of `distance` [m] there and back whose peak thrust is each share [1] of the rated thrust."""
-    rest = 10 * pause(machine)
-    steps = [
-        Move(sign * distance, quickest(machine, distance, share), rest) for share in shares for sign in (1, -1) * 2
-    ]
+def hard_moves(machine: Machine, distance: float) -> Schedule:
+    """Moves of `distance` [m] there and back whose peak thrust is each of HARD_THRUST_SHARES of the rated thrust."""
+    durations, rest = [quickest(machine, distance, share) for share in HARD_THRUST_SHARES], 10 * pause(machine)
+    steps = [Move(sign * distance, duration, rest) for duration in durations for sign in (1, -1) * 2]
     return schedule("hard moves", machine, steps)
 
 
-def moves_along(machine: Machine, places: int, apart: float, distance: float, share: float = 0.5) -> Schedule:
-    """Fast moves of `distance` [m] back and forth at places `apart` [m], at a share [1] of the rated thrust."""
-    fast, rest = quickest(machine, distance, share), pause(machine)
+def moves_along(machine: Machine, places: int, apart: float, distance: float) -> Schedule:
+    """Fast moves of `distance` [m] back and forth at places `apart` [m], at half of the rated thrust."""
+    fast, rest = quickest(machine, distance, 0.5), pause(machine)
     here = [Move(sign * distance, fast, 6 * rest) for sign in (1, -1)]
     on, back = Move(apart, _calm(machine, apart, 16), 8 * rest), -apart * (places - 1)
     steps = [*here, *([on, *here] * (places - 1)), Move(back, _calm(machine, abs(back), 40), 8 * rest)]
@@ -278,14 +278,11 @@ def _calm(machine: Machine, distance: float, times: float) -> float:
     return max(times * pause(machine), quickest(machine, distance, 1 / 3))
 
 
-def repeated_strokes(
-    machine: Machine, distance: float | None = None, speed: float | None = None, passes: int = 12
-) -> Schedule:
-    """The same stroke [m] at one speed [m/s], again and again. Default: 50 presliding distances or the
-    specified stroke; 1/80 of the rated speed, or within 40 pauses if that is faster, where the thrust allows it."""
-    size = length(machine, 50, 1) if distance is None else distance
-    usual = max(rounded(machine.drive.rated_speed / 80), PEAK_SPEED * size / (40 * pause(machine)))
-    wanted = usual if speed is None else speed
+def repeated_strokes(machine: Machine, passes: int = 12) -> Schedule:
+    """The same stroke [m] at one speed [m/s], again and again: 50 presliding distances or the specified stroke; 1/80 of
+    the rated speed, or within 40 pauses if that is faster, where the thrust allows it."""
+    size = length(machine, 50, 1)
+    wanted = max(rounded(machine.drive.rated_speed / 80), PEAK_SPEED * size / (40 * pause(machine)))
     return strokes(machine, size, (allowed(machine, size, wanted),), passes)
 
 

@@ -82,12 +82,10 @@ class Fit:
         return Beside(self.lag, self.drag, self.spring)
 
 
-def fit(
-    measured: FrequencyResponse, *, most_modes: int = MOST_MODES, count: int | None = None, spring: Spring = UNKNOWN
-) -> Fit:
+def fit(measured: FrequencyResponse, *, count: int | None = None, spring: Spring = UNKNOWN) -> Fit:
     """P_l from a frequency response (thrust constant 1); see the module's head.
 
-    most_modes: that are looked for; count: so many modes, whatever the response shows. spring: to ground, as known.
+    count: so many modes, whatever the response shows. spring: to ground, as known.
     Low lines that rolling friction bends are left out: the lowest line used is raised by third octaves until the lowest
     octave left fits as well as the rest (its reduced chi-square at most 3 times that of the rest, or 1) and every mode
     is one of the structure: above that line, damped by less than 0.2, its gain below the rigid body's. A record that
@@ -98,10 +96,10 @@ def fit(
     if f.size < FEWEST_LINES:
         raise ValueError(f"{f.size} lines are too few to fit modes; measure {FEWEST_LINES} at least")
     if measured.rolling:
-        return _fit([measured], [np.ones(f.size, bool)], most_modes, count, spring)
+        return _fit([measured], [np.ones(f.size, bool)], count, spring)
     lowest = float(f[0])
     while np.sum(f >= lowest) >= FEWEST_LINES and lowest < f[-1] / 4:
-        found = _fit([measured], [f >= lowest], most_modes, count, spring)
+        found = _fit([measured], [f >= lowest], count, spring)
         if not found.bent and _fits_low(measured, found, lowest):
             return found
         lowest *= 2 ** (1 / 3)
@@ -116,13 +114,12 @@ def fit_together(
     measured: Sequence[FrequencyResponse],
     used: Sequence[NDArray[np.bool_]],
     *,
-    most_modes: int = MOST_MODES,
     count: int | None = None,
     spring: Spring = UNKNOWN,
 ) -> Fit:
     """One P_l from several responses of a machine, each by its used lines (n,); if one has no stated variance, all
     lines count alike, relative to their size [1]."""
-    return _fit(measured, used, most_modes, count, spring)
+    return _fit(measured, used, count, spring)
 
 
 def misfit(measured: FrequencyResponse, used: NDArray[np.bool_], plant: Plant, beside: Beside) -> float:
@@ -144,7 +141,6 @@ def model(
 def _fit(
     measured: Sequence[FrequencyResponse],
     used: Sequence[NDArray[np.bool_]],
-    most_modes: int,
     count: int | None,
     spring: Spring,
 ) -> Fit:
@@ -153,7 +149,7 @@ def _fit(
     candidates = Structure(lag=True, drag=rolling, spring=rolling and spring.sought)
 
     def search(among: Problem) -> Chosen:
-        return chosen(among, most_modes, candidates, exactly=count, rolling=rolling or len(measured) > 1)
+        return chosen(among, MOST_MODES, candidates, exactly=count, rolling=rolling or len(measured) > 1)
 
     found = search(problem)
     if len(measured) == 1 and measured[0].settled > 0 and not found.bent:
