@@ -12,9 +12,9 @@ from typing import Final
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure, held_out_closure
 from diagnosis.criteria import Criteria
-from diagnosis.handover.final_fit import roomier
 from diagnosis.how_far import force_share
 from diagnosis.learned.learn import Learned
+from diagnosis.model.at_bounds import roomier
 from diagnosis.model.fit import Fit, largest, parameters_at_bounds
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifts

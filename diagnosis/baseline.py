@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.friction_curve import with_finer_friction
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.motions import Piece, numbered, pieces
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.model.parameters import parameters
-from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null, StartedNull, start_null
+from diagnosis.records.motions import Piece, numbered, pieces
+from diagnosis.records.units import loop_time, with_units
 from diagnosis.refit import CALLED, refit_under, weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces

@@ -27,15 +27,14 @@ from scipy.linalg import cho_factor, cho_solve
 
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.handover.final_fit import still_fit
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, effects_prior_std, unrepeated, weights, without
-from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.parameters import bounded
 from diagnosis.model.residual import Candidate, Residual, evaluate, smooth
-from diagnosis.model.units import noise
-from diagnosis.model.unknown_force import unknown_less_means
+from diagnosis.model.unknown_force import still_fit, unknown_less_means
 from diagnosis.null import simulated_with_starts
+from diagnosis.records.motions import Piece, repeated, rms, scatter
+from diagnosis.records.units import noise
 from diagnosis.where.energy import bootstrap_counts
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out

@@ -3,7 +3,7 @@
 refit and null     the nominal model re-fitted; what the search gains by chance       baseline.py, refit.py, null.py
 select             forwards: one effect more while it gains more than chance          which/select.py, detectors.py
 prune              backwards: without what the others make useless; shares            which/prune.py
-values             where the plant's run to their bounds: they beyond, or the effects handover/final_fit.py
+values             where the plant's run to their bounds: they beyond, or the effects model/at_bounds.py
 slow               where nothing is found: what a force that walks at random follows which/slow.py
 closure            how far the gap shrinks on motions that nothing was fitted to      closure.py, how_far.py
 verdict            the rules by which an answer is given                              verdict.py, criteria.py
@@ -38,14 +38,14 @@ from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
-from diagnosis.handover.final_fit import freed, plant_at_bounds
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import effect_magnitude
 from diagnosis.learned.learn import Learned, learned
-from diagnosis.model.diagnosable import checked
+from diagnosis.model.at_bounds import freed, plant_at_bounds
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import on_single_blas_thread
+from diagnosis.records.diagnosable import checked
 from diagnosis.refit import noise_alone, wrong_values
 from diagnosis.verdict import Outcome
 from diagnosis.where.law_curve import LawCurve, law_curve

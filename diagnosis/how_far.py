@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.kalman import STARTING
-from diagnosis.model.motions import rms
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, SmoothedPath, evaluate, vibration
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.null import simulated
+from diagnosis.records.motions import rms
 from diagnosis.which.random_force import with_sines
 from models.machine import Machine
 from models.records.record import Record, motions

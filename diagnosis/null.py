@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, largest, one_step
 from diagnosis.model.kalman import STARTING
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import WhiteForce, variance_by_record
-from diagnosis.model.units import loop_time, slow_walk
 from diagnosis.model.unknown_force import force_left
+from diagnosis.records.motions import numbered, pieces
+from diagnosis.records.units import loop_time, slow_walk
 from diagnosis.which.command_jitter import gained_by_chance
 from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References

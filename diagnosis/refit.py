@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.handover.final_fit import freed, stated_at_bounds
+from diagnosis.model.at_bounds import freed, stated_at_bounds
 from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
 from diagnosis.model.roughness import steady_variance, unmodelled_variance, variance_by_record
 from diagnosis.model.start_states import has_fine_scale, search, static_equilibrium_start
-from diagnosis.model.units import loop_time, slow_walk
+from diagnosis.records.units import loop_time, slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
 from models.machine import Machine, Provenance

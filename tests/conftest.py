@@ -38,6 +38,7 @@ SLOW = (
 )
 QUICK = (
     "diagnosis/model",
+    "diagnosis/records",
     "diagnosis/test_criteria.py",
     "diagnosis/test_verdict.py",
     "diagnosis/where/test_added.py",

@@ -14,10 +14,10 @@ import numpy as np
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.model.fit import fit
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.which.scan import partial_out, scan
 from models.deployment.coefficients import load_coefficients
 from models.deployment.running_law import RunningLaw

@@ -20,7 +20,7 @@ from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import Experiment
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
-from diagnosis.model.units import with_units
+from diagnosis.records.units import with_units
 from models.machine import Machine
 from models.records.record import Record
 

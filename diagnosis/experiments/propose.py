@@ -18,10 +18,10 @@ from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import WALK, Candidate, evaluate, nominal_slopes, smooth
-from diagnosis.model.units import loop_time
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time
 from diagnosis.where.sentences import words
 from models.machine import Machine
 from models.quantity import listed

@@ -1,56 +1,18 @@
 """The fit behind a machine file: nominal values and effects together, under the force that they leave.
 
-The search fits beside an unknown force that walks at random, which follows whatever is slow: a constant force leaves
-nothing of itself behind the first samples, so that the offset of the amplifier hangs on its prior and on what the other
-values make of it. Here the unknown force is white and as large as what is left: its variance is finite, so that a
-constant counts at every sample (the disturbance model decides which of two laws takes up a slow force: L. Ljung, System
-Identification, 1999, section 8.5). Values that run to a bound get twice the room, once.
+Values that run to a bound get twice the room, once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from diagnosis.model.fit import Fit, fit, parameters_at_bounds
-from diagnosis.model.parameters import LOOSE, Parameters, below_nyquist, moved
-from diagnosis.model.residual import Candidate, SmoothedPath
-from diagnosis.model.unknown_force import unknown_force
-from models.effects.base import parameters as parameters_of
-from models.effects.priors import Priors
+from diagnosis.model.at_bounds import WIDENING_ROUNDS, AtBound, at_bounds, with_more_room
+from diagnosis.model.fit import Fit
+from diagnosis.model.residual import Candidate
+from diagnosis.model.unknown_force import ITERATIONS, still_fit
 from models.records.record import Record
-
-Array = NDArray[np.float64]
-
-ITERATIONS: Final = 8
-STILL: Final = 1e-5  # walk a sample over the white force: it gains a tenth of it in 100,000 samples
-AT_BOUND_ROOM_SHARE: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
-WIDENING_ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
-WIDENING_FACTOR: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
-# Of the commands' deviation: of the white force, where a model explains all but rounding.
-MIN_WHITE_FORCE_SHARE: Final = 1e-4
-
-
-@dataclass(frozen=True)
-class AtBound:
-    """A value that the fit left at the end of its range: what it belongs to ("cogging", or "nominal"), its name, and
-    how far it is: deviations of the tolerance [1] of a nominal value, SI of an effect's. number: of the entry in theta,
-    or of the effect in the model."""
-
-    part: str
-    name: str
-    value: float
-    unit: str
-    number: int = 0
-
-    @property
-    def place(self) -> tuple[str, str, int]:
-        """Which value of the model it is."""
-        return self.part, self.name, self.number
 
 
 @dataclass(frozen=True)
@@ -78,92 +40,3 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
         fitted = still_fit(with_more_room(fitted.candidate, new), records, fitted.paths, iterations)
         widened += new
     return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
-
-
-def roomier(given: Fit, records: Sequence[Record]) -> Fit:
-    """A fit of the search, fitted again under its own weights with more room for effects' values at their bounds; none
-    for periods: a sine that is longer than the travel draws any curve."""
-    hit = [one for one in at_bounds(given.candidate) if one.part != "nominal" and not _is_period(given.candidate, one)]
-    return given if not hit else fit(with_more_room(given.candidate, hit), records, paths=given.paths, walk=given.walk)
-
-
-def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The values of the plant and its drive at a bound, which are other values where they were changed without a note,
-    while contacts there may stand in for any law."""
-    return tuple(one for one in at_bounds(candidate) if one.part == "nominal" and one.name in LOOSE)
-
-
-def stated_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The values of effects at a bound, but for periods; for a candidate whose effects are the machine file's alone."""
-    return tuple(one for one in at_bounds(candidate) if one.part != "nominal" and not _is_period(candidate, one))
-
-
-def freed(
-    given: Fit, records: Sequence[Record], hit_by: Callable[[Candidate], Sequence[AtBound]] = plant_at_bounds
-) -> Fit:
-    """A fit without effects but the file's, fitted again under its own weights with more room for those values that
-    stand at their bounds, by default the plant's, and once more while one runs on."""
-    fitted = given
-    for _ in range(WIDENING_ROUNDS):
-        hit = hit_by(fitted.candidate)
-        if not hit:
-            break
-        fitted = fit(with_more_room(fitted.candidate, hit), records, paths=fitted.paths, walk=fitted.walk)
-    return fitted
-
-
-def still_fit(
-    candidate: Candidate, records: Sequence[Record], paths: Sequence[SmoothedPath], iterations: int = ITERATIONS
-) -> Fit:
-    """The candidate fitted beside a white force as large as what it leaves (its standard deviation)."""
-    left = unknown_force(candidate, records, paths)
-    least = MIN_WHITE_FORCE_SHARE * max(float(np.std(record.command)) for record in records)
-    white = max(float(np.nanstd(np.concatenate(left))), least)
-    roughness = white / candidate.usual_white_force
-    candidate = replace(candidate, roughness=(roughness,) * len(records))
-    return fit(candidate, records, paths=paths, iterations=iterations, walk=STILL * roughness)
-
-
-def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The values at a bound of their range; a dead time of 0 is at none."""
-    layout, found = candidate.layout, list[AtBound]()
-    away = moved(layout, candidate.theta)
-    for i in _hit(layout, candidate.theta):
-        found.append(AtBound("nominal", layout.names[i], float(away[i]), "deviations of its tolerance", i))
-    for number, effect in enumerate(candidate.effects):
-        for item in parameters_at_bounds(effect, candidate.nominal.priors):
-            found.append(AtBound(effect.name, item.name, float(getattr(effect, item.name)), item.unit, number))
-    return tuple(found)
-
-
-def _is_period(candidate: Candidate, one: AtBound) -> bool:
-    kind = type(candidate.effects[one.number])
-    return any(item.name == one.name and item.role == "period" for item in parameters_of(kind))
-
-
-def _hit(layout: Parameters, theta: Array) -> list[int]:
-    """The entries of theta at a bound that is not the physical one of the dead time; starts have no others."""
-    room = AT_BOUND_ROOM_SHARE * (layout.high - layout.low)
-    none = np.isin(np.array(layout.names), ("dead_time",)) & (layout.low <= -layout.machine.plant.dead_time)
-    at = ((theta <= layout.low + room) & ~none) | (theta >= layout.high - room)
-    return [int(i) for i in np.flatnonzero(at) if layout.names[i] != "initial_friction_state"]
-
-
-def with_more_room(candidate: Candidate, hit: Sequence[AtBound]) -> Candidate:
-    """The candidate with WIDENING_FACTOR times the room for the values at their bounds."""
-    layout = candidate.layout
-    low, high, ranges = layout.low.copy(), layout.high.copy(), dict(layout.machine.priors)
-    for one in hit:
-        if one.part == "nominal":
-            low[one.number], high[one.number] = WIDENING_FACTOR * low[one.number], WIDENING_FACTOR * high[one.number]
-            continue
-        kind = type(candidate.effects[one.number])
-        (item,) = (item for item in parameters_of(kind, layout.machine.priors) if item.name == one.name)
-        ends = (item.low, item.high) if item.stated else item.widest
-        ranges[one.part, one.name] = (ends[0] / WIDENING_FACTOR, ends[1] * WIDENING_FACTOR)
-    dead = layout.of("dead_time")
-    low[dead] = np.maximum(low[dead], -layout.machine.plant.dead_time)
-    mode = layout.of("mode_frequency")
-    high[mode] = np.minimum(high[mode], below_nyquist(layout.machine))
-    machine = replace(layout.machine, priors=Priors.of(ranges, layout.machine.priors.units))
-    return replace(candidate, layout=replace(layout, machine=machine, low=low, high=high))

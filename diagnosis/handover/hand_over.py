@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
 from diagnosis.handover.files import Content
-from diagnosis.handover.final_fit import AtBound, finished
+from diagnosis.handover.final_fit import finished
 from diagnosis.handover.gate import (
     DRAWS,
     File,
@@ -28,9 +28,10 @@ from diagnosis.handover.gate import (
 )
 from diagnosis.handover.transfer import Transfer, transferred
 from diagnosis.how_far import Gap, errors_of
+from diagnosis.model.at_bounds import AtBound
 from diagnosis.model.fit import Fit
-from diagnosis.model.motions import rms
 from diagnosis.model.residual import Candidate
+from diagnosis.records.motions import rms
 from diagnosis.verdict import Outcome
 from diagnosis.which.random_force import NAME
 from diagnosis.which.stage import Stage

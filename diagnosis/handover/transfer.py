@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.handover.files import Content, judged_file, machine_of, starts_of
-from diagnosis.handover.final_fit import Finished, finished, still_fit
+from diagnosis.handover.final_fit import Finished, finished
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.model.fit import Fit, coordinates
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.start_states import static_equilibrium_start
-from diagnosis.model.units import loop_time
+from diagnosis.model.unknown_force import still_fit
+from diagnosis.records.motions import numbered, pieces
+from diagnosis.records.units import loop_time
 from diagnosis.which.table import covariance_of
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.residual import initial_command
-from diagnosis.model.units import units
 from diagnosis.model.unknown_force import unknown_less_mean
+from diagnosis.records.units import units
 from diagnosis.where.coordinates import SLOWEST, by_motion, held_out
 from models.effects.measured import SIGNED, UNITS, Measured
 from models.effects.priors import Units

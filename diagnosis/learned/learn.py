@@ -14,8 +14,8 @@ from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import Curve, shortlisted
 from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
 from diagnosis.model.fit import Fit, fit, weights
-from diagnosis.model.units import noise
 from diagnosis.model.unknown_force import unknown_less_mean
+from diagnosis.records.units import noise
 from diagnosis.where.energy import INTERVAL, bootstrap_counts
 from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from diagnosis.model.kalman import STARTING
-from diagnosis.model.motions import Piece, repeated, scatter
 from diagnosis.model.parameters import bounded, bounds
 from diagnosis.model.residual import (
     WALK,
@@ -28,7 +27,8 @@ from diagnosis.model.residual import (
     nominal_slopes,
     smooth,
 )
-from diagnosis.model.units import noise
+from diagnosis.records.motions import Piece, repeated, scatter
+from diagnosis.records.units import noise
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import in_order
 from models.effects.parameter import POSITIVE, Parameter

@@ -32,7 +32,7 @@ from diagnosis.model.kalman import (
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, applied, initial_state
 from diagnosis.model.path import path_through
-from diagnosis.model.units import friction_force, noise, white_force
+from diagnosis.records.units import friction_force, noise, white_force
 from models.compiled import compiled
 from models.effects.base import Effect
 from models.effects.catalogue import beyond

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, unrepeated
 from diagnosis.model.kalman import STARTING
-from diagnosis.model.motions import pieces
-from diagnosis.model.units import loop_time
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time
 from models.effects.base import Effect, Numbers, Place, T, hook
 from models.effects.parameter import parameter
 from models.records.record import Record

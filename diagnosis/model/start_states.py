@@ -24,7 +24,7 @@ from diagnosis.model.kalman import SUBSTEPS, changes
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.parameters import Parameters, initial_state
 from diagnosis.model.residual import Candidate, initial_command
-from diagnosis.model.units import friction_force, white_force
+from diagnosis.records.units import friction_force, white_force
 from models.compiled import compiled, inlined
 from models.friction import deflections
 from models.machine import Machine

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.model.motions import MotionKind, Piece
+from diagnosis.records.motions import MotionKind, Piece
 from models.effects.priors import REFERENCE, Units
 from models.quantity import show
 from models.records.record import Record

@@ -28,10 +28,10 @@ from diagnosis.model.kalman import (
     smoothed,
     smoother_gain,
 )
-from diagnosis.model.motions import Piece, repeated, rms, scatter
 from diagnosis.model.residual import SMOOTHER_WALK, Candidate, modal, unweighted_predictor
 from diagnosis.model.roughness import variance_by_record
-from diagnosis.model.units import noise
+from diagnosis.records.motions import Piece, repeated, rms, scatter
+from diagnosis.records.units import noise
 from diagnosis.where.energy import Samples, centred
 from models.plant import Plant
 from models.records.record import Record

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.motions import Piece, numbered
 from diagnosis.model.residual import evaluate
 from diagnosis.model.unknown_force import unknown_force
+from diagnosis.records.motions import Piece, numbered
 from diagnosis.where.coordinates import by_motion, coordinates, hat_functions, slowest
 from diagnosis.where.energy import INTERVAL, bootstrap_counts, label_samples
 from models.effects.base import Kind

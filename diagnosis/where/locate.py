@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, Largest, largest, weights
-from diagnosis.model.motions import Piece, numbered
 from diagnosis.model.roughness import variance_by_record
-from diagnosis.model.units import noise
+from diagnosis.records.motions import Piece, numbered
+from diagnosis.records.units import noise
 from diagnosis.refit import FOLLOWED, RATED
 from diagnosis.where.controller import Replayed, replayed
 from diagnosis.where.coordinates import (

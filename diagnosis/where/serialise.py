@@ -9,9 +9,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from diagnosis.model.motions import MotionKind, Piece, repeated
 from diagnosis.model.residual import Candidate
-from diagnosis.model.units import noise
+from diagnosis.records.motions import MotionKind, Piece, repeated
+from diagnosis.records.units import noise
 from diagnosis.where.controller import Replayed
 from diagnosis.where.coordinates import Explained, periodogram, pitches
 from diagnosis.where.energy import PHASES, Shares, bands

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, SUBSTEPS, Predictor, responses
-from diagnosis.model.motions import Piece, pieces, repeated
-from diagnosis.model.units import loop_time, noise
+from diagnosis.records.motions import Piece, pieces, repeated
+from diagnosis.records.units import loop_time, noise
 from models.effects.motor import TimingJitter
 from models.records.record import Record
 

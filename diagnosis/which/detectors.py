@@ -17,9 +17,9 @@ import scipy
 
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit, cost_with
-from diagnosis.model.motions import repeated, scatter
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.units import noise
+from diagnosis.records.motions import repeated, scatter
+from diagnosis.records.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.random_force import SAME_FREQUENCY_RATIOS, is_about, strongest_random_force

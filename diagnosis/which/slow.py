@@ -15,11 +15,10 @@ from dataclasses import replace
 from diagnosis.baseline import Baseline
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
-from diagnosis.handover.final_fit import still_fit
 from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.unknown_force import force_left
+from diagnosis.model.unknown_force import force_left, still_fit
 from diagnosis.which.detectors import catalogue_scan, view
 from diagnosis.which.select import ITERATIONS, RecordSearch, Trial, above_chance, inadmissible
 from diagnosis.which.stage import Proposal, Stage

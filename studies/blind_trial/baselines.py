@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.model.fit import weights
-from diagnosis.model.motions import numbered
 from diagnosis.model.residual import columns
+from diagnosis.records.motions import numbered
 from diagnosis.where.force import SLOW_WALK, smoothed_force
 from diagnosis.which.scan import NuisanceProjection, partial_out, quadratures
 from models.effects.base import parameters

@@ -25,11 +25,11 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN, as_reported, overrun
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine, without_effects
-from diagnosis.model.motions import PIECE_LOOP_TIMES, Piece
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
-from diagnosis.model.units import loop_time
+from diagnosis.records.motions import PIECE_LOOP_TIMES, Piece
+from diagnosis.records.units import loop_time
 from diagnosis.refit import whiteness
 from diagnosis.where.controller import replayed
 from diagnosis.where.serialise import pictures

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from diagnosis.model.diagnosable import check_names, with_all_samples
-from diagnosis.model.motions import check_count
-from diagnosis.model.units import loop_time
+from diagnosis.records.diagnosable import check_names, with_all_samples
+from diagnosis.records.motions import check_count
+from diagnosis.records.units import loop_time
 from diagnosis.where.controller import reproduces
 from models.identification.recognise import read
 from models.machine import Machine

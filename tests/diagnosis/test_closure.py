@@ -29,15 +29,14 @@ from diagnosis.closure import (
 )
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import strokes, together
-from diagnosis.handover.final_fit import still_fit
 from diagnosis.how_far import Gap
 from diagnosis.model.fit import Fit, fit, one_step, without
-from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.units import loop_time, with_units
-from diagnosis.model.unknown_force import unknown_force, unknown_less_means
+from diagnosis.model.unknown_force import still_fit, unknown_force, unknown_less_means
 from diagnosis.null import Null, simulated_with_starts
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time, with_units
 from diagnosis.refit import refit_within
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect

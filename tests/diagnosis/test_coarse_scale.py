@@ -14,11 +14,11 @@ from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.diagnose import diagnosed
 from diagnosis.handover.final_fit import Finished
 from diagnosis.handover.gate import File, is_believed
-from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import NULL_DRAWS, Null
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time, with_units
 from diagnosis.refit import refit_under, refit_within
 from models.effects.catalogue import looked_for
 from models.effects.friction_laws import ViscousFriction

@@ -11,10 +11,10 @@ import pytest
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import fit
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.where.controller import replayed
 from diagnosis.which.scan import Finding, partial_out, scan
 from models.effects.base import VISIBLE_SIGNALS, Effect

@@ -17,8 +17,8 @@ from diagnosis.experiments.schedules import amplitude_ladder, sequence
 from diagnosis.friction_curve import curve_gain, halved, with_finer_friction
 from diagnosis.improved import improved_machine
 from diagnosis.model.fit import Fit
-from diagnosis.model.motions import numbered, pieces
-from diagnosis.model.units import loop_time, with_units
+from diagnosis.records.motions import numbered, pieces
+from diagnosis.records.units import loop_time, with_units
 from diagnosis.refit import within_rating
 from diagnosis.verdict import Outcome
 from models.effects.base import Effect

@@ -15,11 +15,11 @@ import pytest
 from diagnosis import null
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, fit, one_step
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import static_equilibrium_start
 from diagnosis.null import Null
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.which.scan import NuisanceProjection, partial_out, scan
 from models.records.record import Record
 from models.simulation.simulator import simulate

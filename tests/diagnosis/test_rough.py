@@ -20,11 +20,11 @@ from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import amplitude_ladder, repeated_strokes, sequence
 from diagnosis.how_far import errors_of
 from diagnosis.model.fit import Fit, unrepeated
-from diagnosis.model.motions import MotionKind, Piece, numbered, pieces, rms, scatter
 from diagnosis.model.parameters import applied, parameters
 from diagnosis.model.roughness import WhiteForce, steady_variance, variance_by_record
-from diagnosis.model.units import white_force
 from diagnosis.null import NULL_DRAWS, _white_force
+from diagnosis.records.motions import MotionKind, Piece, numbered, pieces, rms, scatter
+from diagnosis.records.units import white_force
 from diagnosis.refit import noise_alone, refit_within, weighed, whiteness, within_rating
 from diagnosis.verdict import Outcome
 from diagnosis.which import random_force

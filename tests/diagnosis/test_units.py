@@ -19,9 +19,9 @@ from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.model.kalman import predictor
-from diagnosis.model.motions import pieces
-from diagnosis.model.units import WALK, holds, loop_time, noise, slow_walk, units, white_force, with_units
 from diagnosis.null import Null
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import WALK, holds, loop_time, noise, slow_walk, units, white_force, with_units
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.where.force import steady_deviation

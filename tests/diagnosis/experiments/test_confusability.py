@@ -23,9 +23,9 @@ from diagnosis.experiments.confusability import (
 from diagnosis.experiments.propose import along, next_experiment, showing, virtual
 from diagnosis.experiments.schedules import menu, quickest
 from diagnosis.model.fit import weights
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, columns, evaluate
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import words
 from diagnosis.which.scan import by_segment, finding_of, partial_out, quadratures

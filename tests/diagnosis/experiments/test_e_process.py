@@ -21,8 +21,8 @@ from diagnosis.model.fit import one_step, weights
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import Parameters, bounded, parameters
 from diagnosis.model.residual import Candidate, columns
-from diagnosis.model.units import slow_walk, with_units
 from diagnosis.null import simulated
+from diagnosis.records.units import slow_walk, with_units
 from diagnosis.verdict import Outcome
 from models.effects.base import Effect
 from models.effects.catalogue import in_order

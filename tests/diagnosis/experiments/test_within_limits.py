@@ -12,7 +12,7 @@ from diagnosis.experiments.information import information_of
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.experiments.within_limits import BUILDERS, Bounds, experiments
-from diagnosis.model.units import units
+from diagnosis.records.units import units
 from models.controller import References
 from models.machine import load
 

@@ -10,13 +10,14 @@ import pytest
 
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged_file, machine_of, starts_of
-from diagnosis.handover.final_fit import at_bounds, finished, freed, plant_at_bounds, roomier
+from diagnosis.handover.final_fit import finished
 from diagnosis.how_far import errors_of
+from diagnosis.model.at_bounds import at_bounds, freed, plant_at_bounds, roomier
 from diagnosis.model.fit import Fit, bounds_of, fit
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.start_states import static_equilibrium_start
-from diagnosis.model.units import with_units
+from diagnosis.records.units import with_units
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order
 from models.effects.structure import AdditionalMode

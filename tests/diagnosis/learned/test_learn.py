@@ -22,9 +22,9 @@ from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
 from diagnosis.learned.learn import Learned, learned, little_judged, objection
 from diagnosis.learned.left_out import Judgement
-from diagnosis.model.motions import MotionKind, pieces
-from diagnosis.model.units import loop_time, with_units
 from diagnosis.null import Null
+from diagnosis.records.motions import MotionKind, pieces
+from diagnosis.records.units import loop_time, with_units
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.which.stage import Stage

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diagnosis.experiments.schedules import strokes
-from diagnosis.handover.final_fit import at_bounds, with_more_room
+from diagnosis.model.at_bounds import at_bounds, with_more_room
 from diagnosis.model.fit import _step_bounds
 from diagnosis.model.parameters import (
     LOOSE_BOUND_STDS,

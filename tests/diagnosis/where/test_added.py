@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.baseline import with_what_was_added
-from diagnosis.model.motions import pieces, repeated
+from diagnosis.records.motions import pieces, repeated
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import added_signals, replayed, starting
 from diagnosis.where.sentences import added_in_words

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis.model.fit import Fit, fit
-from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.records.motions import pieces
 from diagnosis.where.law_curve import law_curve
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import CurrentLoopLag

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import Move, multisine, schedule
 from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
-from diagnosis.model.motions import MotionKind, pieces, repeated
+from diagnosis.records.motions import MotionKind, pieces, repeated
 from diagnosis.where.controller import replayed
 from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths

@@ -13,9 +13,9 @@ import pytest
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
 from diagnosis.model.fit import Fit, weights
-from diagnosis.model.motions import pieces
 from diagnosis.model.residual import columns
 from diagnosis.model.roughness import variance_by_record
+from diagnosis.records.motions import pieces
 from diagnosis.where.force import borne_out
 from diagnosis.where.locate import locate
 from diagnosis.where.side import force_or_reading

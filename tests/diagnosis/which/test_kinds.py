@@ -10,10 +10,10 @@ import pytest
 from diagnosis.answer import drawn_curves
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.units import with_units
+from diagnosis.records.motions import numbered, pieces
+from diagnosis.records.units import with_units
 from diagnosis.refit import refit_within
 from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
 from diagnosis.which.scan import linear_columns, partial_out, scan

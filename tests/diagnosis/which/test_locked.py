@@ -11,10 +11,10 @@ from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import fit
 from diagnosis.model.kalman import Resonance
-from diagnosis.model.motions import pieces, repeated
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.null import Null
+from diagnosis.records.motions import pieces, repeated
 from diagnosis.which import detectors
 from diagnosis.which.detectors import is_locked, random_force, view
 from diagnosis.which.random_force import RandomForce

@@ -11,7 +11,7 @@ import pytest
 import models.effects
 from diagnosis.diagnose import diagnose
 from diagnosis.model.fit import parameters_at_bounds
-from diagnosis.model.motions import numbered, pieces
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.which.scan import partial_out, scan

@@ -16,9 +16,9 @@ from diagnosis.answer import form_parts, small_beside
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, bounds_of, fit
-from diagnosis.model.motions import pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.null import Null
+from diagnosis.records.motions import pieces
 from diagnosis.refit import refit
 from diagnosis.which import prune as module
 from diagnosis.which.prune import prune, shares

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from diagnosis.model.fit import fit
-from diagnosis.model.motions import numbered, pieces
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.model.units import contact_length, loop_time
+from diagnosis.records.motions import numbered, pieces
+from diagnosis.records.units import contact_length, loop_time
 from diagnosis.which.random_force import (
     as_seen,
     at_rest,

@@ -9,7 +9,7 @@ import pytest
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import bounds_of, parameters_at_bounds
-from diagnosis.model.motions import numbered, pieces
+from diagnosis.records.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.which.scan import partial_out, peaks, scan
 from models.effects.base import Effect, parameters

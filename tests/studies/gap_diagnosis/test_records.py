@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.model.units import loop_time
+from diagnosis.records.units import loop_time
 from models.machine import load as load_machine
 from models.records.files import Loaded
 from models.records.record import Record

@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final
 
-from diagnosis.model.motions import check_count
-from diagnosis.model.units import loop_time
+from diagnosis.records.motions import check_count
+from diagnosis.records.units import loop_time
 from models.machine import Machine
 from models.machine_file import loaded
 from models.quantity import show

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from diagnosis.model.motions import FEWEST, MotionKind, check_count, pieces, repeated
+from diagnosis.records.motions import FEWEST, MotionKind, check_count, pieces, repeated
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
