@@ -11,7 +11,7 @@ from design.family import largest_pole, linear
 from design.pid.rules import slow_rule
 from models.machine import Machine
 from models.quantity import show
-from models.simulation.simulator import simulate
+from models.simulation.simulator import simulate, substeps_needed
 
 GROWTH_SAMPLES: Final = 200  # samples of a short simulation: what doubles in each of them would be beyond all numbers
 UNSTABLE: Final = 1e-6  # A pole so far beyond the unit circle is not one on it that round-off has moved.
@@ -64,13 +64,17 @@ def require_pid(machine: Machine) -> None:
 
 def _require_simulable(machine: Machine) -> None:
     """Raises DesignError where forces grow so fast with the speed that the simulation's step does not follow them."""
-    if not machine.effects and not any(machine.friction.damping):
+    try:
+        substeps_needed(machine)
+    except ValueError as error:
+        raise DesignError(str(error)) from None
+    if not machine.effects:
         return
     with np.errstate(all="ignore"):
         response = simulate(machine, machine.feedback_only(), np.full(GROWTH_SAMPLES, machine.specification.stroke))
     if not np.all(np.isfinite(response.position)):
         raise DesignError(
-            f"effects, friction.damping: their forces make a mass of {show(machine.plant.mass, 'kg')} run away within "
+            f"effects: their forces make a mass of {show(machine.plant.mass, 'kg')} run away within "
             f"{show(GROWTH_SAMPLES * machine.sample_time, 's')} of simulation; correct coefficients that "
             "multiply a speed"
         )

@@ -108,15 +108,15 @@ def validate(
     periods: int | None = None,
     reading: Reading = "position",
     lead: int = 0,
-    substeps: int = 10,
+    substeps: int | None = None,
     seed: int = 0,
 ) -> Validation:
     """What the sequence of Fig. 5 with strokes of `stroke` [m] (default: the specification's) achieves on a machine.
 
     periods: of the sequence, at least 2; by default as many as it takes until the last two agree (see `agreement`).
     reading: whether motions are judged by the true position or by the scale. lead: samples of rest before the sequence.
-    substeps: of the simulation in a sample. seed: of the scale's noise. Raises ValueError for fewer than 2 periods,
-    and for a stroke or a reading that there is not.
+    substeps: of the simulation in a sample; None: as many as the machine needs. seed: of the scale's noise. Raises
+    ValueError for fewer than 2 periods, and for a stroke or a reading that there is not.
 
     >>> validation = pos.validate(machine, controller)
     >>> validation.slowest.settling_time < machine.specification.settling_time  # [s]
@@ -137,7 +137,7 @@ def validate_many(
     *,
     periods: int = PERIODS,
     reading: Reading = "position",
-    substeps: int = 10,
+    substeps: int | None = None,
 ) -> tuple[Validation, ...]:
     """`validate` of each machine over the same sequence, many at a time.
 
@@ -160,7 +160,7 @@ def respond(
     target: Array,
     *,
     given: References | Sequence[References] | None = None,
-    substeps: int = 10,
+    substeps: int | None = None,
     seed: int = 0,
     initial_friction: Sequence[ArrayLike] | None = None,
 ) -> Iterator[Response]:

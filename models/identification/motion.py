@@ -39,11 +39,12 @@ from models.identification.unusable import UnusableError
 from models.machine import Machine
 from models.quantity import show
 from models.records.record import Record, cut
-from models.simulation.simulator import simulate
+from models.simulation.simulator import simulate, substeps_needed
 from models.variation import Variation, known_apart, varied
 
 Array = NDArray[np.float64]
 
+LEAST_SUBSTEPS: Final = 6  # in a sample of the simulations of a fit
 FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: beyond, a fit has run away
 MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of noise and held values take 2 to 2.5 kB for each
 ORDER: Final = 30  # of A(q)
@@ -383,8 +384,9 @@ def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) ->
     changed = _changed(machine, theta)
     given = References(record.reference, record.feedforward, np.zeros(record.feedforward.size))
     origin = float(record.reference[0])
+    feedback, substeps = machine.feedback_only(), substeps_needed(changed, LEAST_SUBSTEPS)
     command = simulate(
-        changed, machine.feedback_only(), record.target, given=given, substeps=6, seed=seed, origin=origin
+        changed, feedback, record.target, given=given, substeps=substeps, seed=seed, origin=origin
     ).record.command
     if not np.all(np.isfinite(command)):
         raise UnusableError(_diverged(theta))

@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from design.deadbeat import synthesise
+from design.deadbeat import DesignError, synthesise
+from design.feasibility import require_designable
 from design.friction_compensation import simplify
+from design.pid.rules import slow_rule
 from models.controller import Controller
 from models.effects.friction_laws import ViscousFriction
 from models.friction import elements
 from models.machine import Machine, load
-from models.plant import matrices, sampled, transition
+from models.plant import Mode, matrices, sampled, transition
 from models.records.record import feeding_sequence
 from models.simulation.exact import respond
-from models.simulation.simulator import simulate, simulate_many
+from models.simulation.simulator import simulate, simulate_many, substeps_needed
 
 ROOT = Path(__file__).parents[3]
 TS = 5e-4
@@ -80,6 +82,63 @@ def test_second_order_against_the_oracle(dead_time: float, damping: float, offse
     assert order > 1.8
     assert errors[1] < 2e-9  # metres, at 8 substeps: far below the scale's 0.1 um
     assert response.friction == pytest.approx(friction_force, abs=1e-4)
+
+
+def stiff(mass: float, sample_time: float, stiffness: float, force: float) -> Machine:
+    """A mass [kg] on contacts of the table's shape, of this stiffness [N/m] and force [N] in all, at rest by itself."""
+    table = exact_scale(load())
+    own = table.friction
+    factor = stiffness / sum(own.stiffness)
+    shorter = force / (factor * own.coulomb_force)
+    friction = elements(np.array(own.stiffness) * factor, np.array(own.limit) * shorter, 0.0)
+    drive = replace(table.drive, rated_thrust=10 * force)
+    plant = replace(table.plant, modes=(Mode(1 / (mass * table.plant.thrust_constant), 0.0, 0.0),), dead_time=0.0)
+    bare = replace(table, plant=plant, friction=friction, drive=drive, published=None)
+    control = replace(bare.control, sample_time=sample_time)
+    slow = slow_rule(replace(bare, control=control))
+    return replace(bare, control=replace(control, pid=slow))
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [(0.3, 1e-3, 2e7, 8.0), (0.3, 4e-3, 1.8e7, 5.4), (0.3, 16e-3, 3e6, 12.0), (300.0, 5e-5, 1e8, 60.0)],
+    ids=["light", "slow", "slower", "heavy"],
+)
+def test_stiff_contacts_get_the_substeps_that_they_need(axis: tuple[float, float, float, float]) -> None:
+    """Ten of 4 ms were unstable on them: 33 m of 20 µm, without a word."""
+    machine = stiff(*axis)
+    target = feeding_sequence(20e-6, 4, 0.2, machine.sample_time)
+    count = substeps_needed(machine)
+    truth, found, finer = (
+        simulate(machine, machine.feedback_only(), target, substeps=each).position
+        for each in (16 * count, None, 2 * count)
+    )
+    assert np.array_equal(
+        found, simulate(machine, machine.feedback_only(), target, substeps=count).position
+    )  # by default
+    off, half = (float(np.max(np.abs(one - truth))) for one in (found, finer))
+    assert off < 5e-3 * 20e-6
+    assert half < 0.6 * off
+
+
+def test_as_few_substeps_as_the_contacts_allow() -> None:
+    assert substeps_needed(load()) == 10
+    assert substeps_needed(stiff(0.3, 4e-3, 1.8e7, 5.4)) == 320
+    assert substeps_needed(_damped(2e4)) == 40
+
+
+def test_contacts_that_no_step_follows_are_refused() -> None:
+    for machine, name in ((stiff(1e-3, 16e-3, 1e12, 8.0), "stiffness"), (_damped(1e9), "damping")):
+        with pytest.raises(ValueError, match=f"friction.{name}: .* is too quick to simulate at"):
+            simulate(machine, machine.feedback_only(), TARGET)
+        with pytest.raises(DesignError, match=f"friction.{name}: .* is too quick to simulate at"):
+            require_designable(machine)
+
+
+def _damped(damping: float) -> Machine:
+    """The table whose contacts have a damping [N s/m] each."""
+    table = load()
+    return replace(table, friction=elements(table.friction.stiffness, table.friction.limit, damping))
 
 
 def test_the_naive_method_is_first_order_and_far_worse() -> None:
