@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, Literal, get_args
 
+import casadi as ca
 import numpy as np
 import osqp
 import scipy
@@ -134,14 +135,14 @@ def synthesise(
         raise DesignError(f"objective {objective!r} is unknown; choose one of {', '.join(get_args(Objective))}")
     problem = _problem(plant, sample_time, count, stroke)
     if problem is None:
-        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, constraints))
+        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, objective, constraints))
     solution = (
         _least_peak(problem, constraints)
         if objective == "peak_thrust"
         else _least_squares(problem, _effort(plant, sample_time, problem, objective), constraints)
     )
     if solution is None:
-        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, constraints))
+        raise DesignError(_why_not(plant, sample_time, settling_time, stroke, objective, constraints))
     return _deadbeat(plant, sample_time, stroke, settling_time, problem.scale * solution)
 
 
@@ -314,7 +315,11 @@ def _effort(plant: Plant, sample_time: float, problem: _Problem, objective: Obje
 
 
 def _least_squares(problem: _Problem, factor: Array, constraints: Constraints) -> Array | None:
-    """w (n,) with the least |factor w|^2 within the constraints; None if there is none. A QP, by OSQP."""
+    """w (n,) with the least |factor w|^2 within the constraints; None if there is none.
+
+    A QP, by OSQP. Where it comes to no end, as next to the least thrust with which the stroke can be done, by HiGHS,
+    whose method of active sets has vertices for its steps.
+    """
     a, lower, upper = _bounds(problem, constraints)
     count = a.shape[1]
     hessian = factor.T @ factor
@@ -335,7 +340,16 @@ def _least_squares(problem: _Problem, factor: Array, constraints: Constraints) -
     result = solver.solve(raise_error=False)
     if result.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
         raise KeyboardInterrupt  # OSQP took the signal for itself
-    return _refined(np.asarray(result.x), a, lower, upper) if result.info.status == "solved" else None
+    if result.info.status == "solved":
+        return _refined(np.asarray(result.x), a, lower, upper)
+    active_sets = ca.conic(
+        "active_sets",
+        "highs",
+        {"h": ca.Sparsity.dense(count, count), "a": ca.Sparsity.dense(*a.shape)},
+        {"error_on_fail": False, "highs": {"output_flag": False}},
+    )
+    found = active_sets(h=hessian / np.max(np.abs(hessian)), g=0.0, a=a, lba=lower, uba=upper)
+    return _refined(np.array(found["x"])[:, 0], a, lower, upper) if active_sets.stats()["success"] else None
 
 
 def _least_peak(problem: _Problem, constraints: Constraints) -> Array | None:
@@ -380,8 +394,22 @@ def _refined(solution: Array, a: Array, lower: Array, upper: Array) -> Array | N
     return None
 
 
-def _why_not(plant: Plant, sample_time: float, settling_time: float, stroke: float, constraints: Constraints) -> str:
+def _why_not(
+    plant: Plant,
+    sample_time: float,
+    settling_time: float,
+    stroke: float,
+    objective: Objective,
+    constraints: Constraints,
+) -> str:
+    """What no solver found, and what it takes."""
     shortest = shortest_settling_time(plant, sample_time, stroke, constraints)
+    if shortest <= settling_time:
+        return (
+            f"neither OSQP nor HiGHS finds the least {objective} for a stroke of {show(stroke, 'm')} in "
+            f"{show(settling_time, 's')}, though there is one; allow a little more time or thrust, or take another "
+            "objective"
+        )
     limit = "" if constraints.thrust is None else f" within {show(constraints.thrust, 'N')}"
     shape = " with a monotone x_T*" if constraints.monotone else ""
     shape += "" if constraints.overshoot is None else f" with at most {constraints.overshoot:.0%} overshoot"

@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from design.deadbeat import (
@@ -145,6 +145,25 @@ def test_the_least_peak_is_below_what_the_other_objectives_need() -> None:
     peaks = {o: np.max(np.abs(synthesise(PLANT, TS, 20e-3, STROKE, o).thrust)) for o in get_args(Objective)}
     assert peaks["peak_thrust"] == min(peaks.values())
     assert peaks["peak_thrust"] == pytest.approx(least_peak_thrust(PLANT, TS, 20e-3, STROKE), rel=1e-9)
+
+
+@given(
+    plant=stiff_plants,
+    count=st.integers(30, 60),
+    room=st.floats(1.0, 1.05),
+    objective=st.sampled_from(get_args(Objective)),
+    monotone=st.booleans(),
+)
+def test_what_the_least_peak_can_do_every_objective_can_next_to_it(
+    plant: Plant, count: int, room: float, objective: Objective, monotone: bool
+) -> None:
+    """OSQP alone came to no end at one of twelve, and the stroke was said to be impossible."""
+    least = least_peak_thrust(plant, TS, count * TS, STROKE, monotone=monotone)
+    assume(math.isfinite(least))
+    limit = least * room * (1 + 1e-6)
+    found = synthesise(plant, TS, count * TS, STROKE, objective, Constraints(thrust=limit, monotone=monotone))
+    assert np.max(np.abs(found.thrust)) <= limit * (1 + 1e-6)
+    assert remains(plant, found) < 1e-9
 
 
 @pytest.mark.parametrize("constraints", [Constraints(thrust=133.5), Constraints(thrust=133.5, monotone=True)])
