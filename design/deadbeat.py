@@ -22,6 +22,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy import sparse
 
+from models.machines.consistency import MAX_SETTLING_SAMPLES
 from models.plant import Mode, Plant, delay_split, sampled_matrices
 from models.quantity import keeps_to, show
 from models.variation import Variation, at_mode, varied_plant
@@ -39,8 +40,6 @@ MODE_ERRORS: Final = (-0.05, -0.025, 0.025, 0.05)  # "mode_robustness" looks at 
 ROUGHNESS: Final = 1e-6  # The weight of the thrust's differences beside the vibration left keeps the thrust smooth.
 # A constraint is met with equality if it is this near its bound, as a share of the stroke or of the thrust's scale.
 ACTIVE: Final = 1e-10
-# Up to so many samples the shortest settling time is sought, as no machine may ask for more than 1000.
-MAX_SETTLING_SAMPLES: Final = 1024
 
 
 class DesignError(ValueError):
@@ -404,7 +403,7 @@ def _why_not(
 ) -> str:
     """What no solver found, and what it takes."""
     shortest = shortest_settling_time(plant, sample_time, stroke, constraints)
-    if shortest <= settling_time:
+    if keeps_to(shortest, settling_time):
         return (
             f"neither OSQP nor HiGHS finds the least {objective} for a stroke of {show(stroke, 'm')} in "
             f"{show(settling_time, 's')}, though there is one; allow a little more time or thrust, or take another "

@@ -18,6 +18,7 @@ from design.validation import repeats_within, validate
 from models.controller import Controller
 from models.machine import Machine
 from models.machines.parts import MOST_COMPENSATED
+from models.quantity import keeps_to
 
 SPARE: Final = 0.05  # of the specified settling time that a design settles sooner than it has to
 EXTRA_COUNTS: Final = 3  # numbers beyond the chosen one that a curve shows, and the machine's own number
@@ -110,7 +111,7 @@ def _trial(machine: Machine, bare: Controller, count: int, stroke: float | None,
     law = with_effects(replace(bare, friction_compensation=simplify(machine.friction, count)), machine)
     found = validate(machine, law, stroke=stroke, seed=seed)
     settling, periodic = found.slowest.settling_time, found.repeat_error <= repeats_within(machine)
-    in_time = settling <= machine.specification.settling_time
+    in_time = keeps_to(settling, machine.specification.settling_time)
     meets = in_time and periodic and found.peak_thrust <= machine.drive.rated_thrust
     spare = meets and settling <= (1 - SPARE) * machine.specification.settling_time
     return Trial(count, settling, found.worst_dispersion, found.peak_thrust, periodic, meets, spare)

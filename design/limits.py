@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from design.family import Member
 from design.loop import controller_response, frequency_response, sensitivities
 from models.controller import Feedback
-from models.plant import Plant, sampled, state_space
+from models.plant import Plant, delay_split, sampled, state_space
 
 Array = NDArray[np.float64]
-FREQUENCIES = 4000  # The integrals take so many frequencies, evenly spread in their logarithm.
+FREQUENCIES = 4000  # at which the phase is looked at and the integrals are taken, evenly spread in their logarithm
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,13 @@ def highest_crossover(plant: Plant, sample_time: float, ms: ArrayLike) -> Array:
     difference quotient leads by at most 90 degrees - omega T_s / 2, the other parts not at all, so no PID with gains
     >= 0 does; the rest is the plant's phase, exact behind its hold.
     """
-    omega = np.linspace(1e-3, 0.5, 4000) * math.pi / sample_time
+    omega = np.geomspace(1e-5, 1.0, FREQUENCIES) * math.pi / sample_time
     lag = omega * (plant.dead_time + sample_time / 2)
     rational = np.angle(state_space(plant)(1j * omega))
     rational = np.where(rational > 1e-9, rational - 2 * math.pi, rational)  # -180 .. 0 degrees
-    exact = frequency_response(sampled(plant, sample_time), omega)
+    whole, _ = delay_split(plant.dead_time, sample_time)  # its samples are a factor: as states they took gigabytes
+    within = frequency_response(sampled(plant, sample_time, whole_delay=False), omega)
+    exact = within * np.exp(-1j * omega * whole * sample_time)
     phase = rational - lag + np.angle(exact * np.exp(-1j * (rational - lag)))
     left = phase + math.pi + math.pi / 2 - omega * sample_time / 2
     needed = 2 * np.arcsin(1 / (2 * np.atleast_1d(np.asarray(ms, float))))

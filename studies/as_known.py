@@ -13,7 +13,7 @@ from design.redesign.stated import machines_as_stated
 from design.validation import PERIODS, Validation, respond, sequence
 from models.controller import Controller
 from models.machine import Machine
-from models.quantity import listed, show, span
+from models.quantity import keeps_to, listed, show, span
 from models.records.settling import settling_time
 from models.variation import Known, known
 from studies.options import Options
@@ -47,7 +47,7 @@ def on_allowed_machines(
             for response in respond(tables, controller, target, seed=options.seed)
         ]
     limit = machine.specification.settling_time
-    hits = sum(time <= limit for time in times)
+    hits = sum(keeps_to(time, limit) for time in times)
     return {
         "machines": count,
         "in_time": hits,

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from models.quantity import span, turned
+from models.quantity import keeps_to, span, turned
 from studies.options import BadInputError, Options
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the statement is true; a value that is not a number does not hold."""
-        return self.value <= self.limit if self.sense == "<=" else self.value >= self.limit
+        """Whether the statement is true, but for the rounding of whole samples; what is not a number does not hold."""
+        return keeps_to(self.value, self.limit) if self.sense == "<=" else keeps_to(self.limit, self.value)
 
 
 @dataclass(frozen=True, repr=False)

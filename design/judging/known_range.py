@@ -11,14 +11,19 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.validation import Validation
 from models.machine import Machine, Provenance
 from models.machines.parts import Covered
 from models.records.record import Record
 
+Array = NDArray[np.float64]
+
 RANGE_MARGIN: Final = 0.05  # A design within so much of the range asks for nothing new.
-SPEED_SAMPLES: Final = 10  # samples over which a speed is taken, so that the scale's steps do not make it
+# Of the reference's settling time, over which a speed is taken, so that neither the scale's steps nor one of the
+# reference make it.
+SPEED_WINDOW_SHARE: Final = 0.25
 
 
 @dataclass(frozen=True)
@@ -31,19 +36,28 @@ class Excess:
     covered: float
 
 
-def covered_by(records: Sequence[Record], rated_thrust: float) -> Covered | None:
-    """The largest force [N] and speed [m/s] in the records; commands count up to the rated thrust [N].
+def fastest(position: Array, sample_time: float, machine: Machine) -> float:
+    """The largest speed [m/s] along positions (n,) [m] every `sample_time` [s], as the machine's motions show it."""
+    window = SPEED_WINDOW_SHARE * machine.specification.reference_settling_time
+    apart = min(max(round(window / sample_time), 1), position.size - 1)
+    if apart < 1:
+        return 0.0
+    return float(np.nanmax(np.abs(position[apart:] - position[:-apart]))) / (apart * sample_time)
+
+
+def covered_by(records: Sequence[Record], machine: Machine) -> Covered | None:
+    """The largest force [N] and speed [m/s] in the machine's records; commands count up to its rated thrust.
 
     None without records of motion, or where nothing moves in them.
     """
     force = max((float(np.nanmax(np.abs(one.command))) for one in records), default=0.0)
-    speed = max((_speed(one) for one in records), default=0.0)
-    return Covered(min(force, rated_thrust), speed) if force > 0 and speed > 0 else None
+    speed = max((fastest(one.position, one.sample_time, machine) for one in records), default=0.0)
+    return Covered(min(force, machine.drive.rated_thrust), speed) if force > 0 and speed > 0 else None
 
 
 def with_covered(machine: Machine, records: Sequence[Record], source: str) -> Machine:
     """The machine with the range [N], [m/s] of the records that its values are from; `source` says which they are."""
-    covered = covered_by(records, machine.drive.rated_thrust)
+    covered = covered_by(records, machine)
     if covered is None:
         return machine
     said = Provenance("identified", source)
@@ -61,19 +75,10 @@ def excess(machine: Machine, force: float, speed: float) -> tuple[Excess, ...]:
 def excess_of(validation: Validation) -> tuple[Excess, ...]:
     """What the motions of a validation need [N], [m/s] beyond the records of its machine."""
     machine = validation.machine
-    speed = float(np.max(np.abs(np.diff(validation.response.record.reference)))) / machine.sample_time
+    speed = fastest(validation.response.record.reference, machine.sample_time, machine)
     return excess(machine, min(validation.peak_thrust, machine.drive.rated_thrust), speed)
 
 
 def excess_to_json(design: str, found: Sequence[Excess]) -> list[dict[str, Any]]:
     """Rows for results.json: which design, what it needs and what the records cover (SI)."""
     return [{"design": design, **vars(one)} for one in found]
-
-
-def _speed(record: Record) -> float:
-    """The largest speed [m/s] over SPEED_SAMPLES samples."""
-    apart = min(SPEED_SAMPLES, record.position.size - 1)
-    if apart < 1:
-        return 0.0
-    moved = np.abs(record.position[apart:] - record.position[:-apart])
-    return float(np.nanmax(moved)) / (apart * record.sample_time)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from design.family import Member
+from design.family import Member, linear
 from design.loop import Assessment, assess
 from design.pid.problem import Attempt, Bounds, Problem, Tuning, TuningError, mt_bound
 from design.pid.rules import fast_rule, lambda_rule, quickest_time, simc, slow_rule
@@ -101,7 +101,7 @@ def assessed_point(name: str, pid: PID, members: Sequence[Member], law: Law | No
 
 def rules(machine: Machine, members: Sequence[Member]) -> list[Point]:
     """SIMC's and the lambda rule's PIDs over their time constants [s], as far as they are stable."""
-    plant, ts, keep = machine.plant, machine.sample_time, machine.control.pid.derivative_filter
+    plant, ts, keep = linear(machine).late, machine.sample_time, machine.control.pid.derivative_filter
     unit = quickest_time(machine)
     points = [assessed_point("SIMC", simc(plant, ts, times * unit, keep), members) for times in RULE_TIMES]
     points += [assessed_point("lambda", lambda_rule(plant, times * unit, keep), members) for times in LAMBDAS]

@@ -31,11 +31,13 @@ LEVEL: Final = 0.9  # of the interval in which a record is expected
 
 @dataclass(frozen=True)
 class Interval:
-    """A median and the ends of the interval around it, in the quantity's unit."""
+    """A median and the ends of the interval around it, in the quantity's unit. level: the share [1] of further values
+    that are expected in it, which of few values is less than was asked for."""
 
     median: float
     low: float
     high: float
+    level: float = LEVEL
 
     def holds(self, value: float, slack: float = 0.0) -> bool:
         """Whether a value is in the interval, or off it by no more than the slack, in the same unit."""
@@ -60,11 +62,13 @@ def interval_of(values: Array, level: float = LEVEL) -> Interval:
     """The median of values (n,) in any unit, and the ends between which a share `level` [1] of them lies.
 
     The ends are order statistics: of n independent values and one more like them, the latter is between the i-th from
-    below and the i-th from above with probability (n + 1 - 2 i) / (n + 1), so i is the largest with at least `level`.
+    below and the i-th from above with probability (n + 1 - 2 i) / (n + 1), so i is the largest with at least `level`,
+    and 1 where there are too few values for it.
     """
     ordered, n = np.sort(values), values.size
     i = max(int(np.floor((1 - level) / 2 * (n + 1) + 1e-9)), 1)
-    return Interval(float(np.median(values)), float(ordered[i - 1]), float(ordered[n - i]))
+    level = max((n + 1 - 2 * i) / (n + 1), 0.0)
+    return Interval(float(np.median(values)), float(ordered[i - 1]), float(ordered[n - i]), level)
 
 
 def predicted(design: Design, machines: Sequence[Machine], seed: int = 0, left: Sequence[Array] = ()) -> Prediction:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.effect_compensation import left_out
-from design.judging.known_range import SPEED_SAMPLES, excess
+from design.judging.known_range import excess, fastest
 from design.judging.sticking import named_modes, sticking
 from design.redesign.designs import Design
 from design.redesign.prediction import Prediction, predicted
@@ -35,8 +35,7 @@ def unmet(
     of each record that no model explains, which acts in the prediction.
     """
     wanted, told = machine.specification, list(design.notes)
-    settling = prediction.interval("settling")
-    if not keeps_to(settling.high, wanted.settling_time):
+    if not keeps_to(float(np.max(prediction.settling)), wanted.settling_time):
         told.append(_late(design, machine, prediction, seed, left))
     floor = 3 * machine.scale.reading_deviation
     dispersion = prediction.interval("dispersion")
@@ -51,9 +50,11 @@ def unmet(
 def _late(design: Design, machine: Machine, prediction: Prediction, seed: int, left: Sequence[Array]) -> str:
     """Why motions settle late: the first of these that, left out, makes them settle in time."""
     wanted, settling = machine.specification, prediction.interval("settling")
+    late = sum(not keeps_to(float(one), wanted.settling_time) for one in prediction.settling)
     head = (
-        f"settling within {show(wanted.settling_time, 's')} is not met in every run: {show(settling.low, 's', 3)} to "
-        f"{show(settling.high, 's', 3)}"
+        f"settling within {show(wanted.settling_time, 's')} is not met in every run: {late} of "
+        f"{prediction.settling.size} are late, with {show(settling.low, 's', 3)} to {show(settling.high, 's', 3)} in "
+        f"{settling.level:.0%}"
     )
     if left and _in_time(design, machine, seed) and not _in_time(design, machine, seed, left):
         return f"{head}; it is the force that no model explains"
@@ -70,7 +71,7 @@ def _late(design: Design, machine: Machine, prediction: Prediction, seed: int, l
     for why, without in ways:
         if _in_time(design, without, seed):
             return f"{head}; {why}"
-    if design.settling_time + machine.plant.dead_time > wanted.settling_time:
+    if not keeps_to(design.settling_time + machine.plant.dead_time, wanted.settling_time):
         return (
             f"{head}; the reference rests after {show(design.settling_time, 's')}, and the table follows it by the "
             f"dead time of {show(machine.plant.dead_time, 's')}"
@@ -92,8 +93,7 @@ def _beyond(design: Design, machine: Machine) -> Sequence[str]:
     """What the design asks for beyond the records."""
     known = references(design.controller, sequence(machine, None, 1))
     force = float(np.max(np.abs(known.feedforward + known.compensation)))
-    moved = np.abs(known.position[SPEED_SAMPLES:] - known.position[:-SPEED_SAMPLES])
-    speed = float(np.max(moved, initial=0.0)) / (SPEED_SAMPLES * machine.sample_time)
+    speed = fastest(known.position, machine.sample_time, machine)
     return [
         f"its {one.what} of {show(one.needed, one.unit, 3)} is beyond the records, which cover "
         f"{show(one.covered, one.unit, 3)}: there the model is extrapolated"

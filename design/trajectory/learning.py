@@ -78,7 +78,7 @@ def learned_tables(
     known, rests = wipe_references(nominal, wipe(nominal))
     path, target = known.position, sequence(nominal, stroke, periods=1)
     responses = respond(machines, scheme.controller, path, given=known, seed=seed, initial_friction=starts)
-    window = round(REST * nominal.specification.settling_time / nominal.sample_time)
+    window = max(round(hold_time(nominal) / nominal.sample_time), 1)
     states = [_after_wipe(scheme, path, rests, response, window) for response in responses]
     sensitivity = None if scheme.adapted is None else sensitivities(nominal, scheme, stroke)
     for turn in range(LEARNING_PERIODS):
@@ -157,6 +157,12 @@ def _continued(one: _LearningState, target: Array) -> References:
     """x_T* [m], u_ff and u_rf [N] over a target (n,) [m] behind the path learned from, which ends at rest at 0."""
     friction, scheme = one.learned.friction, one.scheme
     return carried_on(friction, one.path, scheme.path(target), scheme.references(friction, target))
+
+
+def hold_time(machine: Machine) -> float:
+    """How long before the end of a motion the thrust is averaged that holds the table [s]: not before it may settle."""
+    wanted = machine.specification
+    return min(REST * wanted.settling_time, wanted.interval - wanted.settling_time)
 
 
 def _held(response: Response, rests: NDArray[np.int64], window: int) -> Array:
@@ -245,7 +251,7 @@ def learning_to_json(known: Sensitivity, nominal: Machine, scheme: Scheme, strok
         "rounds": LEARNING_PERIODS,
         "motions_per_round": 2 * nominal.specification.motions,
         "rest_s": min(wanted.interval - nominal.sample_time, RESTED * wanted.settling_time),
-        "hold_s": REST * nominal.specification.settling_time,
+        "hold_s": hold_time(nominal),
         "length_shares": list(LENGTHS),
         "length_candidates": length_candidates(),
         "least_force": MIN_FORCE_RATIO,

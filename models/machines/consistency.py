@@ -19,6 +19,7 @@ from models.quantity import ROTARY, show
 MODES: Final = 20  # Vibration modes and the rigid body; the time of the optimal controls grows with their cube.
 EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
 SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
+MAX_SETTLING_SAMPLES: Final = 1024  # Up to which a deadbeat is designed: its programs grow with their square.
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.
 MODE_SHARES: Final = (1e-7, 1e4)  # of the size of a mode's gain in the rigid body's: others are neither seen nor its
 # kg of thrust reference: 1 g in kilonewtons to 1000 t in newtons; in newtons 1 mg, and no stage is lighter. What turns
@@ -58,7 +59,7 @@ def check_times(wanted: Specification, dead_time: float, ts: float) -> None:
         )
     for name, time, most in (
         ("specification.interval", wanted.interval, 100_000),
-        ("specification.reference_settling_time", wanted.reference_settling_time, 1000),
+        ("specification.reference_settling_time", wanted.reference_settling_time, MAX_SETTLING_SAMPLES),
         ("plant.dead_time", dead_time, 1000),
     ):
         if time > most * ts:

@@ -19,7 +19,7 @@ def settling_time(error: ArrayLike, tolerance: float, sample_time: float) -> flo
 
     The first sample after which every sample is within: late by less than a sample.
     """
-    outside = np.flatnonzero(np.abs(np.asarray(error)) > tolerance)
+    outside = np.flatnonzero(~(np.abs(np.asarray(error, float)) <= tolerance))  # what is no number is outside, too
     if outside.size == 0:
         return 0.0
     if outside[-1] == np.size(error) - 1:
@@ -57,7 +57,7 @@ def settling_margin(error: ArrayLike, tolerance: float, sample_time: float) -> M
     An oscillating error leaves the band once more or not for a nanometre, and settles a period later or earlier: the
     settling time jumps as a function of the tolerance, and says little without the distance to the next jump.
     """
-    size = np.abs(np.asarray(error, float))
+    size = np.nan_to_num(np.abs(np.asarray(error, float)), nan=math.inf)
     count, left = size.size, np.maximum.accumulate(size[::-1])[::-1]  # the largest |error| from each sample on
     settled = int(np.sum(left > tolerance))  # samples; `left` does not rise
     step = max(math.ceil(JUMP * settled), 1)

@@ -35,6 +35,7 @@ from design.wiping import wipe, wipe_to_json
 from models.controller import Controller, compensator_path, references
 from models.friction import Friction, branch
 from models.machine import Machine
+from models.machines.consistency import MAX_SETTLING_SAMPLES
 from models.plant import Plant, bode, delay_split
 from models.quantity import show
 from models.variation import Variation, at_mode, known, varied_plant
@@ -62,7 +63,8 @@ Array = NDArray[np.float64]
 # Settling times at rest in which a deadbeat proves itself. What rounding leaves of the speed drifts on with the square
 # of the samples: 0.2 s were ten settling times of the paper's table, and 7e-9 of the stroke on a galvo, 500 of them.
 WATCHED: Final = 10
-VIBRATION_WINDOW: Final = 0.1  # [s] Window after the settling time in which the residual vibration is evaluated.
+VIBRATION_PERIODS: Final = 2.0  # of the slowest mode, over which the residual vibration is evaluated after settling,
+VIBRATION_TIMES: Final = 401  # at so many times.
 BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
 STARTS: Final = 30  # states of the friction from which the controller is started,
 FEW_STARTS: Final = 4  # in a quick run, with effects, and where the motions take long:
@@ -265,7 +267,7 @@ def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
         )
     time, stroke = options.settling_time, options.stroke
     interval = specification.interval
-    if time is not None and time >= min(interval, 1000 * machine.sample_time):
+    if time is not None and time >= interval:
         raise BadInputError(
             f"--settling-time: {show(time, 's')} is longer than a motion; give less than {show(interval, 's')}"
         )
@@ -275,6 +277,7 @@ def _wanted(machine: Machine, options: DeadbeatOptions) -> dict[str, Any]:
         "settling_time_s": specification.reference_settling_time if time is None else time,
         "stroke_m": specification.stroke if stroke is None else stroke,
         "thrust_limit_N": reserved if given is None else given,
+        "thrust_limit_source": "rated thrust less friction's share" if given is None else "--thrust-limit",
         "objective": options.objective,
         "objective_meaning": OBJECTIVES[options.objective],
         "overshoot": options.overshoot,
@@ -326,7 +329,8 @@ def _deadbeat(deadbeat: Deadbeat, proof: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _bode(machine: Machine, *, quick: bool) -> dict[str, Any]:
-    frequency = np.geomspace(1.0, 0.5 / machine.sample_time, 200 if quick else 800)
+    slowest = min((machine.plant.modes[mode].frequency for mode in machine.plant.flexible), default=math.inf)
+    frequency = np.geomspace(min(1.0, slowest / 10), 0.5 / machine.sample_time, 200 if quick else 800)
     slopes = {"P_l": 0.0, "P_e1": machine.presliding.stiffness_1, "P_e2": machine.presliding.stiffness_2}
     curves: dict[str, Any] = {"frequency_Hz": frequency}
     for name, slope in slopes.items():
@@ -336,10 +340,10 @@ def _bode(machine: Machine, *, quick: bool) -> dict[str, Any]:
 
 
 def _counts(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> range:
-    """The settling times, in samples, at which the least peak thrust is found."""
+    """The settling times, in samples, at which the least peak thrust is found: as far as a deadbeat is designed."""
     target = round(wanted["settling_time_s"] / machine.sample_time)
     least, step = max(target // 2, 2 * len(machine.plant.modes)), max(target // (8 if quick else 20), 1)
-    return range(least, 2 * target + 1, step)
+    return range(least, min(2 * target, MAX_SETTLING_SAMPLES) + 1, step)
 
 
 def _trade_off(machine: Machine, wanted: Mapping[str, Any], *, quick: bool) -> dict[str, Any]:
@@ -366,7 +370,9 @@ def _sensitivity(machine: Machine, plain: Deadbeat, robust: Deadbeat, *, quick: 
     errors = np.linspace(-0.05, 0.05, 11 if quick else 41)
     deviations = {one.name: one for one in known(machine)}
     begin = plain.settling_time + machine.plant.dead_time
-    times = begin + np.arange(0.0, VIBRATION_WINDOW, plain.sample_time / 2)
+    slowest = min((machine.plant.modes[mode].frequency for mode in machine.plant.flexible), default=math.inf)
+    window = VIBRATION_PERIODS / (slowest * (1 - float(np.max(errors))))
+    times = begin + np.linspace(0.0, window, VIBRATION_TIMES)
 
     def left(deadbeat: Deadbeat, mode: int, error: float) -> float:
         wrong = varied_plant(machine.plant, Variation(frequency=at_mode(machine.plant, mode, float(error))))

@@ -136,7 +136,7 @@ def checks_of(
     largest = with_rfm.peak_thrust
     return (
         Check("remains after the settling time, of the stroke", proof["residual"], "1", RESIDUAL_LIMIT, "deadbeat"),
-        Check("peak of u_ff", peak, "N", wanted["thrust_limit_N"] * (1 + 1e-6), "rated thrust less friction's share"),
+        Check("peak of u_ff", peak, "N", wanted["thrust_limit_N"] * (1 + 1e-6), wanted["thrust_limit_source"]),
         Check("peak of u_M with compensation", largest, "N", drive.rated_thrust, "drive.rated_thrust"),
         *(
             Check(f"settling with compensation, {name}", max(one.settling_time for one in group), "s", in_time, source)

@@ -13,10 +13,10 @@ from design.family import usual_errors
 from design.pid.problem import TuningError
 from design.pid.tuning import tune_pid
 from design.redesign.designs import with_all_elements
-from design.validation import Validation, validate
+from design.validation import Validation, repeats_within, validate
 from models.controller import PID, Controller
 from models.machine import Machine, with_pid
-from models.quantity import show
+from models.quantity import keeps_to, show
 from studies.as_known import on_allowed_machines
 from studies.deadbeat_design.effects import Written
 from studies.deadbeat_design.options import DeadbeatOptions
@@ -43,7 +43,7 @@ class _Change:
 
 def needed(machine: Machine, judged: Validation, as_known: Mapping[str, Any]) -> bool:
     """Whether a motion is late on the machine as its file has it, or on one that the file allows."""
-    late = max(one.settling_time for one in judged.achieved) > machine.specification.settling_time
+    late = not keeps_to(max(one.settling_time for one in judged.achieved), machine.specification.settling_time)
     return late or as_known["in_time"] < as_known["machines"]
 
 
@@ -71,6 +71,7 @@ def remedies(
                 "settling_s": max(motion.settling_time for motion in found.achieved),
                 "dispersion_m": found.worst_dispersion,
                 "peak_thrust_N": found.peak_thrust,
+                "repeats": found.repeat_error <= repeats_within(one.machine),
                 **{key: allowed[key] for key in ("in_time", "machines", "median_s", "quantile_s")},
             }
         )
@@ -91,9 +92,15 @@ def told(results: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _best(machine: Machine, rows: list[dict[str, Any]]) -> int | None:
     """The place of the change that brings all motions in time on the most machines, among those that do so on the
-    machine as its file has it and on enough of those that it allows; the fewest changes come first."""
-    limit = machine.specification.settling_time
-    shares = [row["in_time"] / row["machines"] if row["settling_s"] <= limit else 0.0 for row in rows]
+    machine as its file has it, within its thrust and repeatably, and on enough of those that it allows; the fewest
+    changes come first."""
+    wanted, rated = machine.specification, machine.drive.rated_thrust
+    shares = [
+        row["in_time"] / row["machines"]
+        if keeps_to(row["settling_s"], wanted.settling_time) and row["peak_thrust_N"] <= rated and row["repeats"]
+        else 0.0
+        for row in rows
+    ]
     return max(range(len(rows)), key=shares.__getitem__) if max(shares, default=0.0) >= MIN_REMEDIED_SHARE else None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -20,6 +20,8 @@ from reports.units import length_unit
 from studies import as_known
 from studies.diagrams import loop_figure
 from studies.wording import filters
+
+MOST_TURNS_SHOWN: Final = 10  # of the phase in the Bode diagram
 
 Results = Mapping[str, Any]
 
@@ -152,8 +154,10 @@ def _bode(whole: Results) -> Drawing:
     axes[0, 0].set_ylabel("magnitude [m/N]")
     axes[0, 0].legend()
     axes[1, 0].set_ylabel("phase [deg]")
-    axes[1, 0].set_ylim(-720, 0)
-    axes[1, 0].set_yticks(range(-720, 1, 180))
+    lowest = min(min(bode[name]["phase_deg"]) for name in labels)
+    turns = min(max(math.ceil(-lowest / 360), 2), MOST_TURNS_SHOWN)  # a long dead time goes round and round
+    axes[1, 0].set_ylim(-360 * turns, 0)
+    axes[1, 0].set_yticks(range(-360 * turns, 1, 180 * math.ceil(turns / 3)))
     axes[1, 0].set_xlabel("frequency [Hz]")
     return figure
 

@@ -25,7 +25,8 @@ def expected(whole: Results) -> Drawing:
     names = [f"{one['name']}\n(to run)" if one["taken"] else one["name"] for one in rows]
     for ax, (key, factor, label) in zip(axes[0], DRAWN_ERRORS, strict=True):
         low, middle, high = (factor * np.array([one[key][name] for one in rows]) for name in ("low", "median", "high"))
-        ax.hlines(place, low, high, color=style.BLUE, linewidth=4.0, alpha=0.35, label="expected, 90 %")
+        said = f"expected, {redesign['level']:.0%}"
+        ax.hlines(place, low, high, color=style.BLUE, linewidth=4.0, alpha=0.35, label=said)
         ax.plot(middle, place, linestyle="none", marker="o", color=style.BLUE, label="median")
         for which, row, marker, name in (("before", 0, "s", "in place"), ("after", taken, "D", "redesign")):
             found = verified[which]

@@ -201,7 +201,9 @@ def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None
     used |= {"seed": circle.options.seed, "quick": circle.options.quick}
 
     def work() -> dict[str, Any]:
-        could_be = _loadable(drawn) or machines_as_stated(better, QUICK_RUNS if circle.options.quick else RUNS)
+        could_be = _loadable(drawn) or machines_as_stated(
+            better, QUICK_RUNS if circle.options.quick else RUNS, circle.options.seed
+        )
         within = lambda share, text: circle.progress(0.7 + 0.15 * share, text)  # noqa: E731
         try:
             forces = [np.array(one) for one in left]

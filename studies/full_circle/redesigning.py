@@ -145,6 +145,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
             for design, prediction in zip(found.designs, found.predictions, strict=True)
         ],
         "runs": int(found.predictions[0].settling.size),
+        "level": found.predictions[0].interval("settling").level,
         "kept": taken.kept,
         "chosen": taken.design.name,
         "gains": {name: _interval(gain) for name, gain in taken.gains.items()},

@@ -97,7 +97,7 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         "seed": options.seed,
         "count": count,
         "failed": [{"case": name, "why": one["failed"]} for name, one in answers.items() if "failed" in one],
-        "shares": scoring.shares(done, options.seed),
+        "shares": scoring.shares(done),
         "rates": scoring.rates(done),
         "policies": told_of(found),
         "cases": [_row(one) for one in done],

@@ -30,7 +30,7 @@ from models.ensemble import load_ensemble
 from models.friction import branch
 from models.machine import Machine, MachineError, with_pid
 from models.plant import Plant
-from models.quantity import show
+from models.quantity import keeps_to, show
 from studies.as_known import limit_rows
 from studies.beforehand import require_controller
 from studies.compensator import with_elements
@@ -138,7 +138,8 @@ def _keeps_present(present: Point, compensated: Sequence[Validation], ms: float,
     """Whether the present feedback is better where friction is compensated: it settles sooner by more than QUICKER, and
     keeps to the bound on |S| [1] or is the only one of both that is in time."""
     here, there = (one.slowest.settling_time for one in compensated)
-    only = here <= machine.specification.settling_time < there
+    wanted = machine.specification.settling_time
+    only = keeps_to(here, wanted) and not keeps_to(there, wanted)
     return here < (1 - QUICKER) * there and (present.ms <= ms or only)
 
 

@@ -16,7 +16,7 @@ from design.validation import BATCH, PERIODS, validate_many
 from models.ensemble import DEFAULT as ENSEMBLE
 from models.ensemble import load_ensemble, to_text
 from models.machine import Machine, MachineError
-from models.quantity import show
+from models.quantity import keeps_to, show
 from studies.beforehand import require_designable, require_members, require_pid
 from studies.compensator import with_elements
 from studies.effort import SIMULATED, foresee, period, seconds_a_sample
@@ -319,8 +319,8 @@ def _gap(central: Shown, tables: Sequence[Shown]) -> dict[str, Any]:
         "dispersion_quantiles_m": np.quantile(sigma, [0, 0.25, 0.5, 0.75, 1]),
         "dispersions_m": sigma,
         "share_below_published": float(np.mean(sigma < published.dispersion_with)),
-        "share_inching_in_time": float(np.mean(inching <= in_time)),
-        "share_reversal_in_time": float(np.mean(np.array([one["reversal_settling_s"] for one in left]) <= in_time)),
+        "share_inching_in_time": float(np.mean([keeps_to(one, in_time) for one in inching])),
+        "share_reversal_in_time": float(np.mean([keeps_to(one["reversal_settling_s"], in_time) for one in left])),
         "unexplained_m": float(np.sqrt(max(published.dispersion_with**2 - float(np.median(sigma)) ** 2, 0.0))),
     }
 

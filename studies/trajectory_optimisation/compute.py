@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from design.controller import design_deadbeat, reference_delay_samples, usable_thrust
 from design.deadbeat import Constraints, Deadbeat, DesignError, shortest_settling_time, synthesise
 from design.deployment.drive_file import controller_to_json
-from design.judging.known_range import excess, excess_to_json
+from design.judging.known_range import excess, excess_to_json, fastest
 from design.trajectory import schemes
 from design.trajectory.compensator import compensate
 from design.trajectory.history_aware import (
@@ -207,7 +207,7 @@ def _assumed(machine: Machine) -> dict[str, Any]:
 def _beyond(machine: Machine, chosen: Trajectory, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """What the motions need beyond the range of force and speed of the records that the machine is from."""
     force = max(row["central"]["peak_thrust_N"] for row in rows if row["key"] in ("aware", "learning"))
-    speed = float(np.max(np.abs(np.diff(chosen.position)))) / machine.sample_time
+    speed = fastest(chosen.position, machine.sample_time, machine)
     return excess_to_json("the trajectory", excess(machine, min(force, machine.drive.rated_thrust), speed))
 
 

@@ -50,3 +50,12 @@ def test_bodes_integral_is_zero_and_its_allowance_a_bound() -> None:
     assert area.suppressed == pytest.approx(area.amplified, rel=0.01)
     assert area.amplified < area.allowed
     assert least_sensitivity(np.array([0j, 1e-8 + 0j, 1e-6 + 0j]), 4e7) == pytest.approx([1.0, 0.6, 0.0])
+
+
+def test_the_limit_is_sought_up_to_nyquist_and_for_any_delay() -> None:
+    """A strong mode in phase leads on; with 1000 samples of delay as states the search took 60 GB."""
+    led = Plant(0.0, 1.0, (Mode(1 / 45, 0.0, 0.0), Mode(0.5, 600.0, 0.9)))
+    assert highest_crossover(led, TS, 4.0)[0] > 0.6 * math.pi / TS
+    late = Plant(1000 * TS, 1.0, (Mode(1 / 45, 0.0, 0.0),))
+    expected = (math.pi / 2 - 2 * math.asin(1 / 4)) / (1001 * TS)
+    assert highest_crossover(late, TS, 2.0)[0] == pytest.approx(expected, rel=3e-3)

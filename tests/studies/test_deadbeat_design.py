@@ -21,9 +21,10 @@ from design.controller import bare_controller, design_deadbeat
 from models.controller import load
 from models.machine import DEFAULT
 from models.machine import load as machine_of
+from models.machines.consistency import MAX_SETTLING_SAMPLES
 from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY
-from studies.deadbeat_design.compute import _proof, _reference_delay, _told
+from studies.deadbeat_design.compute import _counts, _proof, _reference_delay, _told
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import RESIDUAL_LIMIT
@@ -386,3 +387,11 @@ def test_a_long_move_is_told_with_its_profile_or_as_a_step(
 ) -> None:
     row = {"stroke_m": 5e-3, "profile_s": profile, "settling_s": settling, "watched_s": 0.2}
     assert _told(row, machine_of(DEFAULT)) == told
+
+
+def test_the_trade_off_ends_where_a_deadbeat_is_designed() -> None:
+    """Of 30 ms at 50 us it went on to 60 ms, 1200 samples, of which the synthesis refuses to make one."""
+    machine = replace(machine_of(), control=replace(machine_of().control, sample_time=50e-6))
+    counts = _counts(machine, {"settling_time_s": 30e-3}, quick=True)
+    assert counts[0] == 300
+    assert 900 < max(counts) <= MAX_SETTLING_SAMPLES

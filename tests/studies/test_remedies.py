@@ -111,6 +111,14 @@ def test_what_cannot_be_tried_is_said_with_its_reason(soft: Written, monkeypatch
     assert [row["name"] for row in found["rows"]] == ["a friction compensator of 10 elements"]
 
 
+def test_what_saturates_or_does_not_repeat_is_no_remedy() -> None:
+    good = {"settling_s": LIMIT, "in_time": 10, "machines": 10, "peak_thrust_N": 1.0, "repeats": True}
+    rated = SOFT.drive.rated_thrust
+    given = [{**good, "peak_thrust_N": 1.01 * rated}, {**good, "repeats": False}, {**good, "in_time": 9}]
+    assert module._best(SOFT, given) == 2
+    assert module._best(SOFT, given[:2]) is None
+
+
 @pytest.mark.parametrize(
     ("rows", "best"),
     [
@@ -122,7 +130,8 @@ def test_what_cannot_be_tried_is_said_with_its_reason(soft: Written, monkeypatch
 )
 def test_the_best_is_in_time_as_the_file_has_it_and_on_most(rows: list[tuple[float, int]], best: int | None) -> None:
     given: list[Mapping[str, Any]] = [
-        {"settling_s": share * LIMIT, "in_time": count, "machines": 10} for share, count in rows
+        {"settling_s": share * LIMIT, "in_time": count, "machines": 10, "peak_thrust_N": 1.0, "repeats": True}
+        for share, count in rows
     ]
     assert module._best(SOFT, given) == best  # type: ignore[arg-type]
     if best is None:

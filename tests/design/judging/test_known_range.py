@@ -15,6 +15,7 @@ from models.machine import Machine, from_table, load
 from models.machine_file import to_toml
 from models.machines.parts import Covered
 from models.records.record import Record
+from tests.design.machines import quicker
 
 
 def record(speed: float, force: float, sample_time: float = 5e-4) -> Record:
@@ -33,16 +34,16 @@ def test_the_range_is_that_of_all_records_and_not_of_the_scales_steps(machine: M
     assert machine.covered is not None
     assert machine.covered.force == 46.0
     assert machine.covered.speed == pytest.approx(0.01, rel=0.01)
-    slow = covered_by([record(1e-6, 5.0)], 150.0)
+    slow = covered_by([record(1e-6, 5.0)], load())
     assert slow is not None
     assert slow.speed <= 1e-7 / (10 * 5e-4)
 
 
 def test_a_command_beyond_the_rating_counts_up_to_it() -> None:
-    found = covered_by([record(0.01, 900.0)], 150.0)
+    found = covered_by([record(0.01, 900.0)], load())
     assert found is not None
-    assert found.force == 150.0
-    assert covered_by([], 150.0) is None
+    assert found.force == load().drive.rated_thrust
+    assert covered_by([], load()) is None
 
 
 def test_it_is_read_again_from_the_file_with_its_source(machine: Machine) -> None:
@@ -65,4 +66,16 @@ def test_motions_need_their_largest_thrust_and_the_speed_of_their_reference() ->
     reference = judged.response.record.reference
     by_what = {one.what: one.needed for one in excess_of(judged)}
     assert by_what["force"] == min(judged.peak_thrust, table.drive.rated_thrust)
-    assert by_what["speed"] * table.sample_time == pytest.approx(np.max(np.abs(reference[1:] - reference[:-1])))
+    apart = round(0.25 * table.specification.reference_settling_time / table.sample_time)
+    moved = np.max(np.abs(reference[apart:] - reference[:-apart]))
+    assert by_what["speed"] * apart * table.sample_time == pytest.approx(moved)
+
+
+@pytest.mark.parametrize("times", [1.0, 10.0])
+def test_what_was_run_is_within_its_own_record(times: float) -> None:
+    """Its record's speed was taken over ten samples and its reference's over one, which is another speed."""
+    table = quicker(load(), times)
+    judged = validate(table, default_controller(table), periods=2)
+    known = with_covered(table, [judged.response.record], "its own record")
+    again = validate(known, default_controller(known), periods=2)
+    assert excess_of(again) == ()

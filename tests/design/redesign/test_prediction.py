@@ -105,3 +105,8 @@ def test_a_force_goes_on_where_its_record_ends() -> None:
     assert np.max(np.abs(np.diff(found))) <= np.max(np.abs(np.diff(force))) + 1e-12
     assert abs(np.mean(found)) < 0.2
     assert np.array_equal(resampled([], 7, seed=2), np.zeros(7))
+
+
+def test_few_values_have_the_level_that_they_can_have() -> None:
+    levels = [interval_of(np.arange(float(count)), 0.9).level for count in (1, 10, 19, 40)]
+    assert levels == pytest.approx([0.0, 9 / 11, 0.9, 37 / 41])

@@ -10,6 +10,7 @@ import pytest
 from design.deadbeat import synthesise
 from design.trajectory.compensator import learn, motion_profile
 from design.trajectory.learning import (
+    hold_time,
     learned_tables,
     learning_to_json,
     motions_to_learn,
@@ -165,3 +166,10 @@ def test_x_t_star_for_another_dead_time_follows_from_two_rows(machine: Machine, 
 def test_a_scheme_that_stays_as_designed_has_no_such_rows(machine: Machine, scheme: Scheme) -> None:
     with pytest.raises(ValueError, match="give a history-aware one"):
         position_by_dead_time(machine, replace(scheme, adapted=None), STROKE)
+
+
+def test_the_thrust_is_averaged_where_a_motion_has_settled(machine: Machine) -> None:
+    wanted = machine.specification
+    short = replace(machine, specification=replace(wanted, interval=1.4 * wanted.settling_time))
+    assert hold_time(machine) == pytest.approx(0.8 * wanted.settling_time)
+    assert hold_time(short) == pytest.approx(0.4 * wanted.settling_time)

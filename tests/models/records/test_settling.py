@@ -56,3 +56,11 @@ def test_beyond_the_margin_it_is_the_one_that_is_said(error: list[float], tolera
         assert settling_time(error, tolerance + found.less + 1e-15, TS) == pytest.approx(found.earlier)
     if math.isfinite(found.more):
         assert settling_time(error, tolerance - found.more - 1e-15, TS) == pytest.approx(found.later)
+
+
+def test_what_is_no_number_has_not_settled() -> None:
+    error = np.zeros(100)
+    error[50:] = np.nan
+    assert settling_time(error, 1e-6, 1e-3) == math.inf
+    assert settling_time(np.where(np.arange(100) == 50, np.nan, 0.0), 1e-6, 1e-3) == pytest.approx(51e-3)
+    assert settling_margin(error, 1e-6, 1e-3).less == math.inf  # however wide the band
