@@ -104,18 +104,24 @@ class GainAsymmetry(Effect):
 
 @hook
 def _saturating(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
-    return value * (1.0 - p[0] * (value / FULL_THRUST) ** 2)
+    lost = p[0] * (value / FULL_THRUST) ** 2
+    if 3.0 * lost > 1.0:  # beyond the most
+        most = FULL_THRUST * 2.0 / 3.0 / math.sqrt(3.0 * p[0])
+        return most if value > 0.0 else -most
+    return value * (1.0 - lost)
 
 
 @dataclass(frozen=True)
 class ThrustSaturation(Effect):
-    """The thrust constant falls at large currents."""
+    """The thrust constant falls at large currents; the thrust stays at the most that it comes to."""
 
     name: ClassVar = "thrust_saturation"
     family: ClassVar = "motor"
     coordinate: ClassVar = "command"
     parity: ClassVar = "odd"
-    equation: ClassVar = r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u"
+    equation: ClassVar = (
+        r"K_t\left(1-a\,(u/100\,\mathrm{N})^2\right)u,\ |u|\le100\,\mathrm{N}/\sqrt{3a},\ \text{constant beyond}"
+    )
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
     hooks: ClassVar = {Place.THRUST: _saturating}
     loss: float = counted(
@@ -124,7 +130,8 @@ class ThrustSaturation(Effect):
 
     def at_rating(self, rated_thrust: float) -> float:
         """The loss at the rating [N], where it counts."""
-        return self.loss * (rated_thrust / FULL_THRUST) ** 2
+        lost = self.loss * (rated_thrust / FULL_THRUST) ** 2
+        return lost if 3 * lost <= 1 else 1 - 2 / 3 / math.sqrt(3 * lost)
 
 
 @hook

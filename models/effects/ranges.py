@@ -29,8 +29,12 @@ BY_UNIT: Final[Mapping[str, Powers]] = {
     "1/kg": (("mass", -1),),
 }
 """What sizes of a unit are counted in, where their declaration does not say; those of other units stay as they are."""
-# The shortest period that is looked for along the travel has so many in it, and the longest one of a scale so many.
-MOST_PERIODS, FEWEST_PERIODS = 120, 15
+# The shortest period that is looked for along the travel has so many in it (a screw of a few turns on a motor of 200
+# steps has 500), and the longest one of a scale so many.
+MOST_PERIODS, FEWEST_PERIODS = 1200, 15
+# Deviations of the reading, in the shortest period that is looked for along the travel: below, where the table is in it
+# is hardly known.
+MIN_READINGS: Final = 20.0
 BELOW_CROSSOVER: Final = 0.25  # times the frequency at which the loop crosses over, from which on modes are looked for
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
 MOST_SAMPLED: Final = 0.99  # of the same, up to which a mode is in a machine that states its range
@@ -85,23 +89,24 @@ def _along(item: Parameter, units: Units) -> Parameter:
         typical=math.sqrt(low * high),
         points=points,
         linear_within=item.linear_within * high / item.high / way,
-        sought=_sought(item, low, high, units.travel),
+        sought=_sought(item, low, high, units),
     )
 
 
-def _sought(item: Parameter, low: float, high: float, travel: float) -> Range:
+def _sought(item: Parameter, low: float, high: float, units: Units) -> Range:
     """Where a spectrum looks for a period along the way, whose usual range is low .. high [m]: a screw's lead or a
     motor's teeth are shorter than the magnets that a grid of periods is for, and a magnetic scale's pole pairs longer
     than an optical one's lines."""
     if item.periodic_in == "reading":
-        return low, max(high, travel / FEWEST_PERIODS)
-    return (min(low, travel / MOST_PERIODS) if item.points else low), high
+        return low, max(high, units.travel / FEWEST_PERIODS)
+    shortest = max(units.travel / MOST_PERIODS, MIN_READINGS * units.reading)
+    return (min(low, shortest) if item.points else low), high
 
 
 def looked_for(item: Parameter) -> Parameter:
     """The parameter with where it is looked for in the reference table, if it is a period or a frequency."""
     if item.role == "period" and item.periodic_in in {"position", "reading"}:
-        return replace(item, sought=_sought(item, item.low, item.high, REFERENCE.travel))
+        return replace(item, sought=_sought(item, item.low, item.high, REFERENCE))
     return replace(item, sought=_rings(item, item.low, item.high, REFERENCE)) if item.unit == "Hz" else item
 
 

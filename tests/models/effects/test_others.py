@@ -171,3 +171,17 @@ def test_external_forces_at_the_start_are_held_by_the_integral() -> None:
     resting = simulate(machine, controlled(machine), np.zeros(200))
     assert np.max(np.abs(resting.position)) < 1e-13
     assert resting.record.command == pytest.approx(np.full(200, -5 * math.sin(1)))
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.02, 0.27, 3.0])
+def test_a_saturated_thrust_neither_falls_nor_turns(loss: float) -> None:
+    """Of a drive that clips at 75 N the law of 0.27 at 100 N turned at 192 N: its file ran 77 m away."""
+    u = np.linspace(-400.0, 400.0, 1601)
+    path = steady(0.2, u.size)._replace(command=u)
+    effect = make("thrust_saturation", loss)
+    thrust = replay(FRICTION, (effect,), path, 0.0).thrust.ravel()
+    assert np.all(np.diff(thrust) >= -1e-9)
+    assert np.max(thrust) == pytest.approx(min(400.0, 200 / 3 / np.sqrt(3 * max(loss, 1e-9))), rel=1e-3)
+    for rated in (50.0, 300.0):
+        given = replay(FRICTION, (effect,), path._replace(command=np.full(u.size, rated)), 0.0).thrust[-1, -1]
+        assert effect.at_rating(rated) == pytest.approx(1 - given / rated)
