@@ -7,7 +7,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -54,6 +54,8 @@ from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
+# Of what the machine as delivered leaves of records held out: a file that leaves more is not handed over.
+MAX_HELD_OUT_RATIO: Final = 1.02
 CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
@@ -120,6 +122,8 @@ def answered(
     verdict = confirmed(verdict, looks)
     if verdict.get("confirmed") is False and not verdict["effects"]:
         found = without_effects(found)
+    left = _elsewhere(found, apart)
+    found = _unless_worse(found, left)
     source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
     better = improved_machine(found, source)
     if options.record and better != given.machine:
@@ -131,7 +135,7 @@ def answered(
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}
     told["at_rating"] = [{"effect": name, "part": part, "rated_N": rated} for name, part in taken.items() if part]
-    results = _results(found, beside, given, _elsewhere(found, apart), options, told)
+    results = _results(found, beside, given, left, options, told)
     handover = found.how_far.handover
     files = [handover.files[0]] + [handover.adopted] * (handover.adopted.name != handover.files[0].name)
     results["settling"] = settling_told(files, found.baseline.records, found.baseline.driving, options.seed)
@@ -218,7 +222,29 @@ def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | No
     for file in handover.files:
         gaps = [on_record(file.machine, *pair).to_json() for pair in zip(records, driving, strict=True)]
         files.append({"file": file.name, **{name: [gap[name] for gap in gaps] for name in gaps[0]}})
-    return {"records": [Path(one.name).name for one in apart], "files": files}
+    told = {"records": [Path(one.name).name for one in apart], "files": files, "refused": None}
+    return {**told, "refused": handover.adopted.name if _is_worse(told, handover.adopted.name) else None}
+
+
+def _is_worse(elsewhere: Mapping[str, Any], name: str) -> bool:
+    """Whether a file leaves more of the records that nothing was fitted to than the machine as delivered: in the
+    geometric mean over their forces and positions. What a simulation runs away with is no number."""
+    files = {one["file"]: one for one in elsewhere["files"]}
+    before, after = (
+        np.array([files[one][key] for key in ("force_N", "position_m")], float) for one in (Content.DELIVERED, name)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = float(np.exp(np.mean(np.log(after / before))))
+    return not ratio <= MAX_HELD_OUT_RATIO
+
+
+def _unless_worse(found: Diagnosis, elsewhere: Mapping[str, Any] | None) -> Diagnosis:
+    """The diagnosis, with the machine as delivered handed over where its file is worse on records held out."""
+    if elsewhere is None or elsewhere["refused"] is None:
+        return found
+    handover = found.how_far.handover
+    kept = replace(handover, adopted=handover.files[0], without=())
+    return replace(found, how_far=replace(found.how_far, handover=kept))
 
 
 def _friction_elements(found: Diagnosis) -> dict[str, int] | None:

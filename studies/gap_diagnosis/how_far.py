@@ -221,17 +221,20 @@ def elsewhere(far: Results) -> list[str]:
     if apart is None:
         return []
     files = {one["file"]: one for one in apart["files"]}
-    delivered, adopted = files[Content.DELIVERED], files[far["adopted_file"]]
+    refused = apart.get("refused")
+    delivered, adopted = files[Content.DELIVERED], files[refused or far["adopted_file"]]
     for i, name in enumerate(apart["records"]):
         before, after = ({key: one[key][i] for key in KEYS} for one in (delivered, adopted))
         larger = [
             MEASURES[KEYS[key]] for key in KEYS if None not in (before[key], after[key]) and after[key] > before[key]
         ]
         ends = f"is larger there in {listed(larger)}" if larger else "shrinks there"
-        if far["adopted_file"] == Content.DELIVERED:
+        if refused:
+            ends = f"{ends} with {CANDIDATES[refused]}"
+        elif far["adopted_file"] == Content.DELIVERED:
             ends = "is that of the machine as delivered"
         told.append(f"On {name}, to which nothing was fitted, the gap {ends}: {_from_to(before, after)}.")
-    return told
+    return [*told, FILES[Content.DELIVERED]] if refused else told
 
 
 MEANT: Final = {"force": "", "position": "in position (in force it is not sure) "}
