@@ -344,16 +344,22 @@ def _most_moved(name: str, fitted: Candidate | None) -> float | None:
 
 
 def _of_all_contacts(name: str, fitted: Candidate | None) -> float | None:
-    """By what part of itself [1] the stiffness of all contacts together, or their mean displacement at slip, was moved;
-    None for other values. That of a single contact, which the others nearly make up for, is hardly known."""
-    if fitted is None:
+    """By what part of itself [1] the force of all contacts where they slip (the friction's level), their stiffness
+    together or their mean displacement at slip was moved; None for other values. That of a single contact, which the
+    others nearly make up for, is hardly known."""
+    if fitted is None or name not in {"friction_level", "presliding_stiffness", "presliding_limit"}:
         return None
-    layout = fitted.layout
-    stiffness = np.array(layout.machine.friction.stiffness)
-    of_each = {"presliding_stiffness": stiffness, "presliding_limit": stiffness * layout.machine.friction.limit}
-    if name not in of_each:
-        return None
-    return float(np.average(np.expm1(fitted.theta[layout.of(name)]), weights=of_each[name]))
+    layout, friction = fitted.layout, fitted.layout.machine.friction
+    level, stiffer, longer = (
+        fitted.theta[layout.of(one)] for one in ("friction_level", "presliding_stiffness", "presliding_limit")
+    )
+    stiffness = np.array(friction.stiffness)
+    force = stiffness * friction.limit
+    if name == "presliding_limit":
+        return float(np.average(np.expm1(longer), weights=force))
+    if name == "presliding_stiffness":
+        return float(np.average(np.expm1(level + stiffer), weights=stiffness))
+    return float(np.average(np.expm1(level + stiffer + longer), weights=force))
 
 
 def _entry(name: str) -> dict[str, Any]:

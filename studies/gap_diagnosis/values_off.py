@@ -22,8 +22,10 @@ def off_by(row: Results) -> str:
     all of them come to."""
     size = row["moved"] * max(row["std"])
     told = in_percent(math.expm1(size)) if row["unit"] == "1" else show(size, row["unit"], 2)  # relative: logarithms
-    if row["values"] > 1 and row.get("in_all") is not None:
-        return f"{effect(row['name'])} by {in_percent(row['in_all'])} in all (single contacts by up to {told})"
+    if row.get("in_all") is not None:
+        whole = f"{effect(row['name'])} by {in_percent(row['in_all'])}"
+        more = row["values"] > 1 and abs(math.expm1(size)) > abs(row["in_all"])
+        return f"{whole} in all (single contacts by up to {told})" if more else whole
     return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
 
 
@@ -62,7 +64,7 @@ def _beside_effects(row: Results) -> Results:
 
 
 def _is_off(row: Results) -> bool:
-    if row["values"] > 1 and row.get("in_all") is not None:
+    if row.get("in_all") is not None:
         return bool(abs(row["in_all"]) > SHIFTED * max(row["std"]))
     return bool(abs(row["moved"]) > SHIFTED)
 
@@ -78,9 +80,11 @@ def told_off(rows: Sequence[Results], results: Results, stated: Sequence[Results
         return f"Nominal values are off, too, {off}."
     none_left = far["gap_refitted"]["force_N"] < far["floor"]["force_N"]
     beside = f"no more than the noise floor of {floor}" if none_left else f"beside a noise floor of {floor}"
-    return (
+    told = (
         f"Nominal values are off, {off}; re-fitted, they reduce the unknown force from {before} to {after}, {beside}."
     )
+    lacks = results["verdict"]["outcome"] == "none_of_these" and not none_left and len(rows) > 1
+    return f"{told} Some of them may stand in for what the model lacks." if lacks else told
 
 
 def values_in_short(results: Results) -> str:

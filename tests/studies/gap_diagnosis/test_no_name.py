@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from studies.gap_diagnosis import values_off
 from studies.gap_diagnosis.answer import sentences
 
 
@@ -150,3 +151,14 @@ def test_values_that_a_re_fit_bends_to_a_missing_effect_are_not_off(results: dic
     assert "Nominal values are off, dead time by -40 µs; re-fitted, they reduce the unknown force from 8.3 N" in alone
     both = sentences({**results, "how_far": far, "shifts": [{**row, "beside": -8.4}]})["which"]
     assert "Nominal values are off, too, dead time by -42 µs." in both
+
+
+def test_the_friction_level_is_the_force_of_all_contacts() -> None:
+    """Stiffer contacts that slip sooner were a level 15 % higher on an axis whose friction was as stated."""
+    row = {"name": "friction_level", "moved": 1.5, "std": [0.1], "unit": "1", "values": 1, "in_all": 0.002}
+    assert values_off.off_by(row) == "friction level by 0.2 %"
+    assert not values_off._is_off(row)
+    contacts = {"name": "presliding_stiffness", "moved": 1.9, "std": [0.1], "unit": "1", "values": 7, "in_all": 0.27}
+    assert values_off.off_by(contacts) == "presliding stiffness by 27 %"
+    single = {**contacts, "in_all": -0.05}
+    assert values_off.off_by(single) == "presliding stiffness by -5 % in all (single contacts by up to 21 %)"
