@@ -219,8 +219,16 @@ def _faults(problem: Problem, one: Candidate, i: int) -> Iterator[str]:
     apart = [float(np.min(np.diff(lines.f))) for lines in problem.lines if lines.single]
     if apart and natural * damping < min(apart):
         yield "narrower than the lines are apart, as a disturbing tone is"
-    if not abs(gain) > SEEN * one.deviation(one.structure.before + 3 * i):
+    # Beside a lag, which makes up for a part of it, a residue's deviation is large however much is lost with it.
+    if not abs(gain) > SEEN * one.deviation(one.structure.before + 3 * i) and not _is_missed(problem, one, i):
         yield f"residue smaller than {SEEN:g} deviations"
+
+
+def _is_missed(problem: Problem, one: Candidate, i: int) -> bool:
+    """Whether the others do not make up for a mode, fitted again without it."""
+    scale = one.cost / max(problem.size - one.theta.size, 1)
+    lost = _without(problem, one, f"mode {i}").cost - one.cost
+    return lost > SEEN**2 * (max(1.0, scale) if problem.known else scale)
 
 
 def _bent(problem: Problem, found: list[Candidate]) -> bool:
