@@ -8,6 +8,11 @@ at every step, the mark m of a pulse whose variance is s^2 (u[k] - u[k-1])^2. Th
 (m'e)^2 with these squares as weights (D. Cox, D. Hinkley, Theoretical Statistics, 1974, section 4.8). Noise does not
 know of the command. The scale's rounding does, as it is another while the table moves; so the weights are taken
 orthogonal to a constant and to the share of moving.
+
+Where no motion repeats, or only slow ones do, only a model of all that is left can tell: late commands are a white
+force whose variance goes with the squared steps of the command. With the likeliest variance (`varying_noise`) the
+innovations have to be white, which a law of force does not leave them, and no other variance that a drive may have,
+constant or with the speed, the acceleration, the command or the friction, may be nearly as likely.
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, SUBSTEPS, Predictor, responses
+from diagnosis.model.varying_noise import linear_part
 from diagnosis.records.motions import Piece, pieces, repeated
 from diagnosis.records.units import loop_time, noise
 from models.effects.motor import TimingJitter
@@ -32,6 +38,12 @@ Array = NDArray[np.float64]
 REACH: Final = 400  # samples over which a pulse leaves its mark
 MIN_REPEATED_SAMPLES: Final = 500  # samples of repeated motions, below which nothing is said
 SELDOM: Final = 2.0  # times the lateness of repeated motions that all may show: more is another law
+WINDOW_LOOPS: Final = (4.0, 16.0)  # loop times, over which what is left has to average out as white noise does
+MAX_WINDOW_STDS: Final = 3.0  # by which it may do so less, by chance; a load with a clearance comes near
+MOST_LATE: Final = 3.0  # samples, rms: that commands may be late
+LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked at
+STEPS: Final = "steps of the command"
+SIZES_TRIED: Final = 14  # of a variance, between a thousandth of the white force's and what its size allows
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
@@ -59,7 +71,7 @@ class _Met:
 
 
 def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
-    """How much the commands' lateness varies; 0 without repeated motions, which alone can show that it does."""
+    """How much the commands' lateness varies: as repeated motions show it, or else as all that is left does."""
     ts, machine = records[0].sample_time, fitted.candidate.nominal
     left, found = mark(_predictor(fitted, records)), pieces(records, loop_time(machine))
     signals = [_signals(fitted, i, record) for i, record in enumerate(records)]
@@ -67,13 +79,85 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
         [found[i] for i in group if found[i].start >= STARTING] for group in repeated(found, records, noise(machine))
     ]
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
-    if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
-        return Lateness(0.0, 0.0, float("inf"))
-    slope, spread = _slope(alike, left)
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
+    if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
+        return _of_all_that_is_left(fitted, records, each)
+    slope, spread = _slope(alike, left)
+    gain = max(slope / spread, 0.0) ** 2
+    if gain < LEAST_GAIN:  # what repeats may be slow
+        return _of_all_that_is_left(fitted, records, each)
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     energy = size * sum(float(one.step @ one.energy) for one in each)
-    return Lateness(ts * float(np.sqrt(size)), max(slope / spread, 0.0) ** 2, ts**2 * spread, energy)
+    return Lateness(ts * float(np.sqrt(size)), gain, ts**2 * spread, energy)
+
+
+def _of_all_that_is_left(fitted: Fit, records: Sequence[Record], each: Sequence[_Met]) -> Lateness:
+    """The lateness as a white force whose variance goes with the commands' steps; each: what is left of every motion.
+    Its gain is that over the likeliest other variance, and 0 where what is left is not white."""
+    none = Lateness(0.0, 0.0, float("inf"))
+    if fitted.candidate.random_forces:  # the filter of a force that shakes has states of its own
+        return none
+    parts = [
+        linear_part(fitted.candidate, record, fitted.residuals[i], i, fitted.walk) for i, record in enumerate(records)
+    ]
+    envelopes = [_envelopes(fitted, i, record) for i, record in enumerate(records)]
+
+    def left(kind: str, size: float) -> tuple[float, list[Array]]:
+        """-2 log of the likelihood, and the innovations, with so much variance [N^2] per unit of an envelope."""
+        found = [part.misfit(size * given[kind]) for part, given in zip(parts, envelopes, strict=True)]
+        return sum(one for one, _ in found), [e for _, e in found]
+
+    def likeliest(kind: str) -> tuple[float, float]:
+        """The size of an envelope, and -2 log of the likelihood with it."""
+        mean = float(np.mean(np.concatenate([given[kind] for given in envelopes])))
+        low, high = np.log(1e-3 * parts[0].white / mean), np.log(1e7 * parts[0].white / mean)
+        best = scipy.optimize.minimize_scalar(
+            lambda log: left(kind, float(np.exp(log)))[0],
+            bounds=(low, min(high, 2 * np.log(MOST_LATE)) if kind == STEPS else high),
+            method="bounded",
+            options={"maxiter": SIZES_TRIED},
+        )
+        return float(np.exp(best.x)), float(best.fun)
+
+    if not any(np.any(given[STEPS] > 0) for given in envelopes):
+        return none
+    size, cost = likeliest(STEPS)
+    loop = loop_time(fitted.candidate.nominal) / records[0].sample_time
+    if left(STEPS, 0.0)[0] - cost < LEAST_GAIN or not _is_white(left(STEPS, size)[1], loop):
+        return none
+    others = [likeliest(kind)[1] for kind in envelopes[0] if kind != STEPS]
+    energy = size * sum(float(one.step @ one.energy) for one in each)
+    return Lateness(records[0].sample_time * float(np.sqrt(size)), max(min(others) - cost, 0.0), 0.0, energy)
+
+
+def _is_white(innovations: Sequence[Array], loop: float) -> bool:
+    """Whether standardised innovations (n,) [1] average out over WINDOW_LOOPS of the loop time [samples] as white noise
+    does; a law of force leaves them larger for as long as it lasts."""
+    whole = sum(e.size for e in innovations)
+    for loops in WINDOW_LOOPS:
+        window = max(round(loops * loop), 2)
+        power = window * sum(float(np.sum(scipy.ndimage.uniform_filter1d(e, window) ** 2)) for e in innovations) / whole
+        if power > 1 + MAX_WINDOW_STDS * np.sqrt(2 * window / whole):
+            return False
+    return True
+
+
+def _envelopes(fitted: Fit, index: int, record: Record) -> dict[str, Array]:
+    """What the variance of a white force may go with, by sample (n,): the squared steps of the command as it acts
+    [N^2], nothing [1], the speed [m/s] and its square, the squares of the acceleration, of the command and of the
+    friction [SI]."""
+    residual, delay = fitted.residuals[index], round(fitted.candidate.machine.plant.dead_time / record.sample_time)
+    acting = np.concatenate([np.full(delay + 1, record.command[0]), record.command])[: record.command.size + 1]
+    speed, command = residual.path.speed.mean(axis=1), acting[1:]
+    return {
+        STEPS: np.diff(acting) ** 2,
+        "constant": np.ones(command.size),
+        "speed": np.abs(speed),
+        "speed squared": speed**2,
+        "acceleration": np.gradient(speed) ** 2,
+        "command": (command - command.mean()) ** 2,
+        "friction": residual.acts.friction.mean(axis=1) ** 2,
+    }
 
 
 def gained_by_chance(fitted: Fit, records: Sequence[Record]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Whether commands are late now and then, and by how much, as repeated motions show it."""
+"""Whether commands are late now and then, and by how much, as repeated motions show it, or all that is left."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import pytest
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
-from diagnosis.experiments.schedules import multisine, repeated_strokes, sequence
+from diagnosis.experiments.schedules import amplitude_ladder, multisine, repeated_strokes, sequence
 from diagnosis.model.fit import Fit
 from diagnosis.model.parameters import parameters
 from diagnosis.refit import refit
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.detectors import _accounts_for_the_rest
 from models.effects.base import Effect
-from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
+from models.effects.friction_laws import ViscousFriction
+from models.effects.motor import Cogging, CurrentLoopLag, DacQuantisation, GainAsymmetry, ThrustSaturation, TimingJitter
 from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
 
@@ -113,3 +114,31 @@ def test_the_least_lateness_that_shows_is_what_the_records_are_said_to_show() ->
     assert 1e-4 < limit < 0.03
     assert found(TimingJitter(2.5 * limit), seed=34).gain > LATE
     assert found(TimingJitter(0.3 * limit), seed=34).gain < LATE
+
+
+def of_a_ladder(*effects: Effect, seed: int = 5) -> Lateness:
+    """What is told of motions none of which repeats another one."""
+    plain = table()
+    records = tuple(recorded(plain, (amplitude_ladder(plain),), effects, seed=seed))
+    return lateness(refit(parameters(plain, 1), records), records)
+
+
+@pytest.mark.parametrize("beside", [(), (COGGING,)])
+def test_late_commands_are_found_where_no_motion_repeats(beside: tuple[Effect, ...]) -> None:
+    part = 0.04
+    late = of_a_ladder(TimingJitter(part), *beside)
+    assert late.gain > 2 * LATE
+    assert late.size == pytest.approx(table().sample_time * np.sqrt(part * (1 - part)), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        None, COGGING, ViscousFriction(60.0), GainAsymmetry(0.02), ThrustSaturation(0.05), CurrentLoopLag(8e-4),
+        DacQuantisation(0.5, 0),
+    ],
+    ids=lambda one: one.name if one else "nothing",
+)  # fmt: skip
+def test_no_law_is_late_where_no_motion_repeats(effect: Effect | None) -> None:
+    """A law leaves more than white noise for as long as it lasts, or goes with something else than the steps."""
+    assert of_a_ladder(*([effect] if effect else [])).gain < 0.2 * LATE
