@@ -80,7 +80,8 @@ def choose(
     further: int = 0,
     tell: Callable[[int, int], None] = lambda _count, _most: None,
 ) -> Choice:
-    """The fewest elements with which `bare`, the controller without RFM, meets the machine's specification.
+    """The fewest elements with which `bare`, the controller without RFM, meets the machine's specification with time to
+    spare, or else those with which it does soonest.
 
     It is met if every motion of the sequence, with strokes of `stroke` [m] (default: the specification's), settles in
     time, the thrust stays within the rating, and the last two periods agree. The search ends at the first number that

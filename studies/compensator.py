@@ -8,7 +8,7 @@ from typing import Any
 
 from design.controller import assemble_bare, default_feedforward
 from design.deadbeat import Deadbeat, DesignError
-from design.element_count import EXTRA_COUNTS, Choice, choose, largest_count
+from design.element_count import EXTRA_COUNTS, SPARE, Choice, choose, largest_count
 from design.validation import LONGER_PERIODS, PERIODS
 from models.machine import Machine
 from models.plant import Plant
@@ -68,6 +68,7 @@ def _plain(choice: Choice) -> dict[str, Any]:
     return {
         "chosen": choice.count,
         "meets": choice.meets,
+        "spare": SPARE if choice.spare else None,
         "largest": choice.most,
         "curve": [
             {
@@ -91,7 +92,7 @@ def _line(choice: Choice) -> tuple[str, str]:
     met = f"none of 1 to {choice.most} elements meets; the best{'' if best.periodic else ', whose periods differ'}"
     if choice.meets:
         met = (
-            "the fewest elements that meet"
+            f"the fewest elements that meet with {SPARE:.0%} of the time to spare"
             if choice.spare
             else "the elements that meet soonest, none with time to spare"
         )

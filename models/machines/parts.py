@@ -119,7 +119,8 @@ FROM_CASCADE: Final = PID(*[math.nan] * 4)  # stands where none is stated: it fo
 class Control:
     """What is fixed of the controller before a feedforward is designed.
 
-    compensator_elements: "auto" stands for the fewest with which the design meets its specification.
+    compensator_elements: "auto" stands for the fewest with which the design meets its specification
+    with time to spare, or else those with which it does soonest.
     """
 
     sample_time: float = value(

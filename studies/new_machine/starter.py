@@ -27,7 +27,9 @@ from studies.options import BadInputError
 
 DEAD_TIME: Final = 1.5  # sample times: one until the command is out, half of one for the hold
 ELEMENT_COUNT: Final = 5
-AUTOMATIC: Final = "assumed: chosen by the study, the fewest with which the design meets its specification"
+AUTOMATIC: Final = (
+    "assumed: chosen by the study, the fewest with which the design meets its specification with time to spare"
+)
 OFFSET_SOURCE: Final = "assumed: 1/750 of the rated thrust, at most 5 % of the friction"
 FINEST: Final = 1 / 20  # of the presliding distance: the limit of the first element
 CLOSED_LOOP: Final = 2.0  # time constant of the loop, in dead times: twice the tight setting of Skogestad's rule
