@@ -29,7 +29,8 @@ from models.simulation.simulator import Response, simulate
 Array = NDArray[np.float64]
 
 RESERVE: Final = 0.9  # of the thrust that friction leaves: the rest is the feedback's
-MAX_PROFILE_SAMPLES: Final = 20_000  # samples that a profile may take
+MAX_PROFILE_SAMPLES: Final = 200_000  # samples that a profile may take: 10 s at 20 kHz
+MAX_REST_SAMPLES: Final = 20_000  # samples of rest that are watched, where two settling times are fewer
 RESTS: Final = 8  # settling times of rest behind each profile, 2 where they take very many samples
 # Times as long a rest where a move does not settle: presliding loops may be slow for their motions.
 MAX_REST_FACTOR: Final = 8
@@ -113,7 +114,7 @@ def run(machine: Machine, controller: Controller, move: LongMove, seed: int = 0)
     """What the move achieves there and back; settled is what stays within the specified tolerance [m]. What does not
     settle is watched for twice the time, up to MAX_REST_FACTOR times, unless it runs away."""
     ts, count, rest = machine.sample_time, round(move.duration / machine.sample_time), _rest(machine)
-    longest = max(min(MAX_REST_FACTOR * rest, MAX_PROFILE_SAMPLES), rest)
+    longest = max(min(MAX_REST_FACTOR * rest, MAX_REST_SAMPLES), rest)
     while True:
         way = move.target(ts, rest)
         response = simulate(machine, controller, np.tile(np.append(way, move.stroke - way), REPEATS), seed=seed)
@@ -149,7 +150,7 @@ def largest_step(machine: Machine, controller: Controller) -> float:
 def _rest(machine: Machine) -> int:
     """Samples of rest behind a move."""
     settling = machine.specification.settling_time / machine.sample_time
-    return round(max(2 * settling, min(RESTS * settling, MAX_PROFILE_SAMPLES)))
+    return round(max(2 * settling, min(RESTS * settling, MAX_REST_SAMPLES)))
 
 
 def _outcome(machine: Machine, controller: Controller, response: Response, way: int, moving: int) -> Moved:

@@ -37,7 +37,8 @@ DESIGN_ROUNDS: Final = 2
 # Of the settling time: for so long after the motion the error counts in "sensitivity", until the feedback meets it.
 LOOK: Final = 0.6
 LOOK_ROBUST: Final = 1.2  # A robust trajectory leaves more to the feedback, which takes longer.
-MAX_EXTRA_SAMPLES: Final = 200  # A search for a feasible motion gives up so many samples beyond the one aimed at.
+# A search for a feasible motion gives up this many times the samples of the one aimed at beyond it, or so many samples.
+MAX_EXTRA, MAX_EXTRA_SAMPLES = 1.0, 200
 # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 COARSE_SMOOTHING: Final = (0.3, 0.1)
 
@@ -84,7 +85,7 @@ def quickest(
     known: what was tried before on this machine, for the same stroke and slew but perhaps another limit of the thrust
     [N], which only says which of them do. From full slip either way, which bounds what any history asks for. Bisection
     over the number of samples, one problem each: the least peak falls with their number. Raises DesignError if even
-    MAX_EXTRA_SAMPLES more do not do.
+    the most that it goes beyond, see MAX_EXTRA, do not do.
     """
     tried = dict(known)
 
@@ -98,7 +99,7 @@ def quickest(
     high, step = max(begin, low + 1), 2
     while not possible(high):
         low, high, step = high, high + step, 2 * step
-        if high > begin + MAX_EXTRA_SAMPLES:
+        if high > begin + max(MAX_EXTRA_SAMPLES, MAX_EXTRA * begin):
             raise DesignError(
                 f"no motion of up to {rest_time(machine, high):g} s keeps within {wanted.limits.thrust:g} N; allow more"
             )
