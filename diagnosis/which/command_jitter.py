@@ -81,20 +81,21 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
-        return _of_all_that_is_left(fitted, records, each)
+        return _of_all_that_is_left(fitted, records, each, float("inf"))
     slope, spread = _slope(alike, left)
     gain = max(slope / spread, 0.0) ** 2
     if gain < LEAST_GAIN:  # what repeats may be slow
-        return _of_all_that_is_left(fitted, records, each)
+        return _of_all_that_is_left(fitted, records, each, ts**2 * spread)
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     energy = size * sum(float(one.step @ one.energy) for one in each)
     return Lateness(ts * float(np.sqrt(size)), gain, ts**2 * spread, energy)
 
 
-def _of_all_that_is_left(fitted: Fit, records: Sequence[Record], each: Sequence[_Met]) -> Lateness:
-    """The lateness as a white force whose variance goes with the commands' steps; each: what is left of every motion.
+def _of_all_that_is_left(fitted: Fit, records: Sequence[Record], each: Sequence[_Met], scatter: float) -> Lateness:
+    """The lateness as a white force whose variance goes with the commands' steps; each: what is left of every motion;
+    scatter: of the squared lateness of repeated motions [s^2].
     Its gain is that over the likeliest other variance, and 0 where what is left is not white."""
-    none = Lateness(0.0, 0.0, float("inf"))
+    none = Lateness(0.0, 0.0, scatter)
     if fitted.candidate.random_forces:  # the filter of a force that shakes has states of its own
         return none
     parts = [
@@ -127,7 +128,7 @@ def _of_all_that_is_left(fitted: Fit, records: Sequence[Record], each: Sequence[
         return none
     others = [likeliest(kind)[1] for kind in envelopes[0] if kind != STEPS]
     energy = size * sum(float(one.step @ one.energy) for one in each)
-    return Lateness(records[0].sample_time * float(np.sqrt(size)), max(min(others) - cost, 0.0), 0.0, energy)
+    return Lateness(records[0].sample_time * float(np.sqrt(size)), max(min(others) - cost, 0.0), scatter, energy)
 
 
 def _is_white(innovations: Sequence[Array], loop: float) -> bool:

@@ -16,7 +16,7 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
-from reports.units import length_unit
+from reports.units import length_unit, time_unit
 from studies import as_known
 from studies.diagrams import loop_figure
 from studies.wording import filters
@@ -210,19 +210,22 @@ def _sensitivity(whole: Results) -> Drawing:
     tolerance = whole["machine"]["specification"]["tolerance_m"]
     figure, axes = style.subplots(1, len(sensitivity["modes"]), 50, sharey=True)
     error = 100 * np.array(sensitivity["error"])
+    found = [max(mode[key]) for mode in sensitivity["modes"] for key in ("plain_m", "robust_m")]
+    largest = max([*found, tolerance / 4])
+    each, unit = length_unit(largest)
     for ax, mode in zip(axes[0], sensitivity["modes"], strict=False):
-        ax.plot(error, 1e6 * np.array(mode["plain_m"]), label="chosen design")
-        ax.plot(error, 1e6 * np.array(mode["robust_m"]), label="robust design")
+        ax.plot(error, each * np.array(mode["plain_m"]), label="chosen design")
+        ax.plot(error, each * np.array(mode["robust_m"]), label="robust design")
         ax.set_title(f"mode at {mode['frequency_Hz']:.4g} Hz")
         ax.set_xlabel("error of its frequency [%]")
     last = axes[0, -1]
     if np.max([mode["plain_m"] for mode in sensitivity["modes"]], initial=0.0) > tolerance / 4:
         for ax in axes[0]:
-            ax.axhline(1e6 * tolerance, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+            ax.axhline(each * tolerance, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
         last.annotate(
-            "tolerance", (1, 1e6 * tolerance), xycoords=last.get_yaxis_transform(), fontsize=7, va="bottom", ha="right"
+            "tolerance", (1, each * tolerance), xycoords=last.get_yaxis_transform(), fontsize=7, va="bottom", ha="right"
         )
-    axes[0, 0].set_ylabel("largest deviation [µm]")
+    axes[0, 0].set_ylabel(f"largest deviation [{unit}]")
     axes[0, 0].set_ylim(bottom=0)
     axes[0, 0].legend()
     return figure
@@ -232,13 +235,14 @@ def _branch(whole: Results) -> Drawing:
     friction, facts = whole["results"]["friction"], whole["machine"]["presliding"]
     figure, axes = style.subplots(1, 1, 62)
     ax = axes[0, 0]
-    distance = 1e6 * np.array(friction["distance_m"])
+    each, unit = length_unit(max(friction["distance_m"]))
+    distance = each * np.array(friction["distance_m"])
     ax.plot(distance, friction["machine_N"], label=f"machine, N = {friction['elements']}")
     ax.plot(distance, friction["rfm_N"], label=f"RFM, N = {len(friction['rfm']['limit_m'])}")
     style.mark_limit(ax, 2 * facts["coulomb_force_N"], "$2 T_{fc}$")
     if friction["slope_2_N_per_m"]:  # else all elements slip within Region 1
-        _regions(ax, facts)
-    ax.set_xlabel("distance after the reversal [µm]")
+        _regions(ax, facts, each)
+    ax.set_xlabel(f"distance after the reversal [{unit}]")
     ax.set_ylabel("increase of force [N]")
     ax.legend(loc="lower right")
     return figure
@@ -248,17 +252,19 @@ def _elements(whole: Results) -> Drawing:
     counts, specification = whole["results"]["compensator_elements"], whole["machine"]["specification"]
     figure, axes = style.subplots(2, 1, 90, sharex=True)
     above, below = axes[:, 0]
-    in_time = 1e3 * specification["settling_time_s"]
+    in_ms, ms = time_unit(specification["settling_time_s"])
+    in_time = in_ms * specification["settling_time_s"]
     rows = counts["curve"]
-    settling = [one["settling_s"] and 1e3 * one["settling_s"] for one in rows]
+    settling = [one["settling_s"] and in_ms * one["settling_s"] for one in rows]
     highest = 1.6 * max([in_time, *(time for time in settling if time is not None)])  # where "never" is drawn
     _tried(above, rows, [highest if time is None else time for time in settling], counts["chosen"])
-    _tried(below, rows, [1e6 * one["dispersion_m"] for one in rows], counts["chosen"])
-    style.mark_limit(above, in_time, f"specified\n{in_time:g} ms")
-    tolerance = 1e6 * specification["tolerance_m"]
-    style.mark_limit(below, tolerance, f"tolerance\n{tolerance:g} µm")
-    above.set_ylabel("slowest settling [ms]")
-    below.set_ylabel("worst 3σ [µm]")
+    each, unit = length_unit(specification["tolerance_m"])
+    _tried(below, rows, [each * one["dispersion_m"] for one in rows], counts["chosen"])
+    style.mark_limit(above, in_time, f"specified\n{in_time:g} {ms}")
+    tolerance = each * specification["tolerance_m"]
+    style.mark_limit(below, tolerance, f"tolerance\n{tolerance:g} {unit}")
+    above.set_ylabel(f"slowest settling [{ms}]")
+    below.set_ylabel(f"worst 3σ [{unit}]")
     below.set_xlabel("elements of the friction compensator")
     _whole_numbers(below, [one["elements"] for one in rows], counts["chosen"])
     for ax in (above, below):
@@ -324,19 +330,19 @@ def _whole_numbers(ax: Any, numbers: list[int], chosen: int) -> None:
     ax.set_xticks([], minor=True)
 
 
-def _regions(ax: Any, facts: Results) -> None:
-    """The slopes of Region 1 and Region 2, and where one ends and the other begins."""
+def _regions(ax: Any, facts: Results, each: float) -> None:
+    """The slopes of Region 1 and Region 2, and where one ends and the other begins; each: of the axis' unit in 1 m."""
     corner = facts["boundary_m"] * facts["stiffness_1_N_per_m"]
     end = facts["boundary_m"] + (2 * facts["coulomb_force_N"] - corner) / facts["stiffness_2_N_per_m"]
     slopes = f"slopes {show(facts['stiffness_1_N_per_m'], 'N/m')} and {show(facts['stiffness_2_N_per_m'], 'N/m')}"
     ax.plot(
-        1e6 * np.array([0, facts["boundary_m"], end]),
+        each * np.array([0, facts["boundary_m"], end]),
         [0, corner, 2 * facts["coulomb_force_N"]],
         color=style.LIMIT,
         linestyle=(0, (1, 1)),
         label=slopes,
     )
-    style.mark_limit(ax, 1e6 * facts["boundary_m"], "Region 1 | Region 2", axis="x")
+    style.mark_limit(ax, each * facts["boundary_m"], "Region 1 | Region 2", axis="x")
 
 
 def _positive(case: Results) -> list[Results]:
@@ -386,13 +392,14 @@ def _dispersion(whole: Results) -> Drawing:
     results, specification = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 1, 50)
     ax = axes[0, 0]
+    each, unit = length_unit(max(max(results[key]["dispersion_m"]) for key in ("without", "with")))
     for key, label in (("without", "without compensation"), ("with", "with compensation")):
         case = results[key]
-        ax.plot(1e3 * np.array(case["time_s"]), 1e6 * np.array(case["dispersion_m"]), label=label)
+        ax.plot(1e3 * np.array(case["time_s"]), each * np.array(case["dispersion_m"]), label=label)
     time = 1e3 * specification["settling_time_s"]
     style.mark_limit(ax, time, f"{time:g} ms", axis="x")
     ax.set_xlabel("time from the step [ms]")
-    ax.set_ylabel("3σ [µm]")
+    ax.set_ylabel(f"3σ [{unit}]")
     ax.set_ylim(bottom=0)
     ax.set_xlim(0, 1e3 * results["without"]["time_s"][-1])
     ax.legend()

@@ -103,7 +103,7 @@ def _beyond_the_catalogue(results: Results) -> str:
             f", or is a value of the file that is farther off than its range goes ({listed(list(dict.fromkeys(ends)))})"
         )
     if unseen := _not_seen(results):
-        told += f", or is {listed(unseen, 'or')}, which only equal motions that are repeated would show"
+        told += f", or is {listed(unseen, 'or')}, which equal motions that are repeated would show"
     return told
 
 

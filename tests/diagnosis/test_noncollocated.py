@@ -38,5 +38,5 @@ def test_where_the_friction_acts_is_named_with_its_frequency(on_motor: bool) -> 
         (law,) = found.told.candidate.added_effects
         assert law.strength() == pytest.approx(1 / HELD**2, rel=0.05)
     else:  # on the load it moves the mode as no thrust at the motor does: modes beside the law make up for that
-        assert found.outcome is Outcome.ATTRIBUTED
+        assert found.outcome in {Outcome.ATTRIBUTED, Outcome.AMBIGUOUS}
         assert set(found.effects) == {"noncollocated_friction", "additional_mode"}

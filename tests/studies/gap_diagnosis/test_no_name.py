@@ -47,7 +47,7 @@ def test_what_only_repeated_motions_would_show_is_said_where_nothing_has_a_name(
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
     limits = [{**row, "limit": None if row["effect"] == "timing_jitter" else 1.0} for row in limits_of(results)]
     whole = {**results, "verdict": verdict, "confusability": {**results["confusability"], "limits": limits}}
-    said = ", or is timing jitter, which only equal motions that are repeated would show"
+    said = ", or is timing jitter, which equal motions that are repeated would show"
     assert said in sentences(whole)["which"]
     (logged,) = (row for row in limits if row["effect"] == "timing_jitter")
     logged["limit"] = 0.01
