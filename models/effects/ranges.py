@@ -35,6 +35,7 @@ MOST_PERIODS, FEWEST_PERIODS = 1200, 15
 # Deviations of the reading, in the shortest period that is looked for along the travel: below, where the table is in it
 # is hardly known.
 MIN_READINGS: Final = 20.0
+COARSEST: Final = 128  # steps of the coarsest converter up to the rated thrust: eight bits for both signs
 BELOW_CROSSOVER: Final = 0.25  # times the frequency at which the loop crosses over, from which on modes are looked for
 MOST_OF_NYQUIST: Final = 0.8  # up to which a frequency is looked for
 MOST_SAMPLED: Final = 0.99  # of the same, up to which a mode is in a machine that states its range
@@ -54,10 +55,17 @@ def usual_in(item: Parameter, units: Units) -> Parameter:
     factors = [units.over(REFERENCE, one) for one in powers]
     low, high = item.low * min(factors), item.high * max(factors)
     if len(factors) == 1 and item.unit != "Hz":
-        return replace(item, low=low, high=high, typical=item.typical * factors[0])
+        sought = _coarse(item, low, high, units.thrust)
+        return replace(item, low=low, high=high, typical=item.typical * factors[0], sought=sought)
     if item.unit == "Hz":
         low, high = _below_nyquist(low, high, units)
     return replace(item, low=low, high=high, typical=math.sqrt(low * high), sought=_rings(item, low, high, units))
+
+
+def _coarse(item: Parameter, low: float, high: float, thrust: float) -> Range:
+    """Where the steps of a converter are looked for, whose usual range is low .. high [N]: up to those of a coarse one,
+    however small the friction is beside the rating."""
+    return (low, max(high, thrust / COARSEST)) if item.is_step and item.periodic_in == "command" else ()
 
 
 def _below_nyquist(low: float, high: float, units: Units) -> tuple[float, float]:
@@ -107,6 +115,8 @@ def looked_for(item: Parameter) -> Parameter:
     """The parameter with where it is looked for in the reference table, if it is a period or a frequency."""
     if item.role == "period" and item.periodic_in in {"position", "reading"}:
         return replace(item, sought=_sought(item, item.low, item.high, REFERENCE))
+    if item.is_step:
+        return replace(item, sought=_coarse(item, item.low, item.high, REFERENCE.thrust))
     return replace(item, sought=_rings(item, item.low, item.high, REFERENCE)) if item.unit == "Hz" else item
 
 
