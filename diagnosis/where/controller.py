@@ -47,6 +47,7 @@ AT_RATING: Final = 0.02  # of the rated thrust, by which a command may be off it
 WHOLE: Final = "the whole command"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
+ONE_FACTOR: Final = 1.02  # between factors of the parts of a controller that count as one of the whole command
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
 
 
@@ -358,6 +359,7 @@ def _scaled(record: Record, made: Array, words: str, columns: list[Array], begin
     factors = np.linalg.lstsq(basis, (record.command - rest)[begin:], rcond=None)[0][:-1]
     again = rest + sum(factor * column for factor, column in zip(factors, columns, strict=True))
     told = f"{words} times {listed(f'{factor:.4g}' for factor in factors)}"
-    if words == WHOLE and factors[0] > 0 and abs(np.log(factors[0])) > np.log(OTHER_UNIT):
+    alike = factors.min() > 0 and factors.max() / factors.min() < ONE_FACTOR  # of all commands, or of all parts
+    if (words == WHOLE or (alike and factors.size > 1)) and alike and abs(np.log(factors[0])) > np.log(OTHER_UNIT):
         told += f", as where one of the log's units is {show(1 / factors[0], 'N', 4)}"
     return told, _rms(record, again, begin)

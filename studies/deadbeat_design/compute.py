@@ -65,6 +65,7 @@ Array = NDArray[np.float64]
 WATCHED: Final = 10
 VIBRATION_PERIODS: Final = 2.0  # of the slowest mode, over which the residual vibration is evaluated after settling,
 VIBRATION_TIMES: Final = 401  # at so many times.
+LATER_RATIO: Final = 1.1  # times the settling of a long move without compensation, from which on that is told
 BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
 STARTS: Final = 30  # states of the friction from which the controller is started,
 FEW_STARTS: Final = 4  # in a quick run, with effects, and where the motions take long:
@@ -207,6 +208,9 @@ def _told(row: Mapping[str, Any], machine: Machine) -> tuple[str, str]:
     settled = watched if math.isinf(row["settling_s"]) else f"settles {show(row['settling_s'], 's')} after it"
     specified = machine.specification.settling_time
     late = f", later than {show(specified, 's')}" if specified < row["settling_s"] < math.inf else ""
+    bare = row["without_settling_s"]
+    if row["settling_s"] > max(LATER_RATIO * bare, specified):  # a compensation that is worse there than none
+        late = f"{late}, and {show(bare, 's')} after it without friction compensation"
     stroke = show(row["stroke_m"], "m")
     if row["profile_s"] < 1.5 * machine.sample_time:  # a thrust that is strong for the mass needs no more
         return f"{stroke} in one step", f"{settled}{late}"

@@ -374,18 +374,28 @@ def test_a_reference_delay_other_than_that_in_place_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("profile", "settling", "told"),
+    ("profile", "settling", "without", "told"),
     [
-        (0.099, 0.014, ("5 mm along a profile", "99 ms, settles 14 ms after it")),
-        (0.099, 0.074, ("5 mm along a profile", "99 ms, settles 74 ms after it, later than 25 ms")),
-        (0.099, float("inf"), ("5 mm along a profile", "99 ms, does not settle within 200 ms after it")),
-        (0.0005, 0.014, ("5 mm in one step", "settles 14 ms after it")),
+        (0.099, 0.014, 0.002, ("5 mm along a profile", "99 ms, settles 14 ms after it")),
+        (0.099, 0.074, 0.07, ("5 mm along a profile", "99 ms, settles 74 ms after it, later than 25 ms")),
+        (
+            0.099,
+            0.58,
+            0.1,
+            (
+                "5 mm along a profile",
+                "99 ms, settles 580 ms after it, later than 25 ms, and 100 ms after it without friction compensation",
+            ),
+        ),
+        (0.099, float("inf"), float("inf"), ("5 mm along a profile", "99 ms, does not settle within 200 ms after it")),
+        (0.0005, 0.014, 0.02, ("5 mm in one step", "settles 14 ms after it")),
     ],
 )
 def test_a_long_move_is_told_with_its_profile_or_as_a_step(
-    profile: float, settling: float, told: tuple[str, str]
+    profile: float, settling: float, without: float, told: tuple[str, str]
 ) -> None:
     row = {"stroke_m": 5e-3, "profile_s": profile, "settling_s": settling, "watched_s": 0.2}
+    row |= {"without_settling_s": without}
     assert _told(row, machine_of(DEFAULT)) == told
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.experiments.schedules import Move, multisine, schedule
 from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.records.motions import MotionKind, pieces, repeated
-from diagnosis.where.controller import replayed
+from diagnosis.where.controller import _scaled, replayed
 from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths
 from diagnosis.where.force import FAST_WALK, REACH, SLOW_WALK, steady_deviation
@@ -342,6 +342,19 @@ def test_a_command_that_is_logged_in_another_unit_is_said_to_be(record: Record) 
     amps = replayed(table(), replace(record, command=record.command / 42))
     assert amps.remedy == "the whole command times 0.02381, as where one of the log's units is 42 N"
     assert amps.remains < 1e-3 * amps.rms
+
+
+@pytest.mark.parametrize(("factors", "unit"), [((10.0, 10.0), True), ((10.0, 8.0), False), ((1.01, 1.01), False)])
+def test_parts_that_are_off_by_one_factor_are_another_unit(
+    record: Record, factors: tuple[float, float], unit: bool
+) -> None:
+    """P, I and D were "times 10, 10 and 10" of a log whose command had a factor of 10."""
+    rng = np.random.default_rng(1)
+    columns = [rng.standard_normal(record.position.size) for _ in factors]
+    logged = sum(factor * column for factor, column in zip(factors, columns, strict=True))
+    told, left = _scaled(replace(record, command=np.asarray(logged)), np.sum(columns, axis=0), "the parts", columns, 0)
+    assert ("as where one of the log's units is 0.1 N" in told) == unit
+    assert left < 1e-9
 
 
 def test_a_feedforward_that_is_not_logged_is_told_by_its_mass() -> None:
