@@ -29,7 +29,9 @@ from models.plant import state_space
 
 Array = NDArray[np.float64]
 
-DEGREE = 12  # of the Chebyshev series; (w h)^12 / 12! is round-off for all that moves within a sample
+DEGREE = 12  # of the Chebyshev series; over MAX_TURN the next terms, (w h / 2)^13 / 13! / 2^12, are round-off
+MAX_TURN = 1.0  # rad, of the quickest motion in an interval: a longer one is taken in parts
+MOST_SWITCHES = 1000  # in an interval
 STICK, LIMITED, SLIP = 0, 1, 2
 
 
@@ -159,6 +161,7 @@ class _Dynamics:
         self.series = np.linalg.inv(chebyshev.chebvander(2 * nodes - 1, DEGREE))
         self.exponential = lru_cache(maxsize=4096)(self._exponential)
         self.at_nodes = lru_cache(maxsize=512)(self._at_nodes)
+        self.longest = lru_cache(maxsize=4096)(self._longest)
 
     def _exponential(self, stiffness: float, damping: float, duration: float) -> Array:
         """exp(M duration) of (state, held input) under the friction's linear part."""
@@ -168,6 +171,11 @@ class _Dynamics:
         m[:n, n] = self.b
         return np.asarray(expm(m * duration))
 
+    def _longest(self, stiffness: float, damping: float) -> float:
+        """How long [s] the quickest motion under the friction's linear part takes for MAX_TURN."""
+        quickest = np.max(np.abs(np.linalg.eigvals(self.a - np.outer(self.b, stiffness * self.x + damping * self.v))))
+        return MAX_TURN / float(quickest) if quickest > 0 else math.inf
+
     def _at_nodes(self, stiffness: float, damping: float, duration: float) -> Array:
         """(DEGREE + 1, n, n + 1): the states at the Chebyshev nodes of the interval."""
         return np.stack([self._exponential(stiffness, damping, node * duration)[:-1] for node in self.nodes])
@@ -175,14 +183,19 @@ class _Dynamics:
 
 def _advance(elements: _Elements, dynamics: _Dynamics, state: Array, thrust: float, duration: float) -> Array:
     """The state after `duration` [s] under a held thrust [N]; the elements move along."""
-    left = duration
-    for _ in range(1000):
+    left, switches = duration, 0
+    while switches < MOST_SWITCHES:
         _face(elements, dynamics, state, thrust)
         k, d, f0 = elements.linear_force()
-        start = np.append(state, thrust - f0)
-        event = _first_event(elements, dynamics, start, (k, d), left)
+        start, part = np.append(state, thrust - f0), min(left, dynamics.longest(k, d))
+        event = _first_event(elements, dynamics, start, (k, d), part)
         if event is None:
-            return np.asarray(dynamics.exponential(k, d, left)[:-1] @ start)
+            state = np.asarray(dynamics.exponential(k, d, part)[:-1] @ start)
+            left -= part
+            if left <= 0:
+                return state
+            continue
+        switches += 1
         when, element, regime = event
         state = np.asarray(dynamics._exponential(k, d, when)[:-1] @ start)
         left -= when
