@@ -32,7 +32,7 @@ class Member:
 
 
 def family(
-    machine: Machine, mode_error: float = 0.03, mass_error: float = 0.1, others: Sequence[Machine] = ()
+    machine: Machine, mode_error: float = MODE_ERROR, mass_error: float = MASS_ERROR, others: Sequence[Machine] = ()
 ) -> tuple[Member, ...]:
     """P_l, P_e1, P_e2 and the steepest slope sum K_i, each also with all modes' frequencies and the mass off.
 

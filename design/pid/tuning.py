@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from design.family import Member, family, slopes
+from design.family import MASS_ERROR, MODE_ERROR, Member, family, slopes
 from design.loop import (
     Assessment,
     Complex,
@@ -55,8 +55,8 @@ def tune_pid(
     ms: float = 2.0,
     mt: float | None = None,
     noise: float | None = None,
-    mode_error: float = 0.03,
-    mass_error: float = 0.1,
+    mode_error: float = MODE_ERROR,
+    mass_error: float = MASS_ERROR,
 ) -> Tuning:
     """The PID of the largest integral gain whose loop keeps to its bounds in every state of the machine's friction.
 
