@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+from diagnosis import diagnose as module
 from diagnosis.answer import Answer, doubted
 from diagnosis.baseline import refit_and_null
 from diagnosis.closure import held_out_closure
@@ -20,7 +22,7 @@ from diagnosis.experiments.confusability import confusability
 from diagnosis.experiments.schedules import strokes
 from diagnosis.handover.files import judged_file, starts_of
 from diagnosis.handover.gate import offset_alone
-from diagnosis.how_far import errors_of
+from diagnosis.how_far import Gap, errors_of
 from diagnosis.improved import improved_machine, without_effects
 from diagnosis.model.fit import largest
 from diagnosis.model.residual import smooth
@@ -286,3 +288,28 @@ def test_a_stated_lag_that_is_far_longer_is_a_value_that_is_off_and_no_other_eff
     (lag,) = found.baseline.nominal.candidate.effects
     assert isinstance(lag, CurrentLoopLag)
     assert lag.time == pytest.approx(true.time, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("biased", "left", "outcome"),
+    [
+        ({"mode_frequency": -2.0}, Gap(0.1, 1e-8, None), Outcome.NOTHING),
+        ({"mode_frequency": -2.0}, Gap(0.3, 1e-8, None), Outcome.NONE),
+        ({"mode_frequency": -2.0}, Gap(0.1, 3e-8, None), Outcome.NONE),
+        ({}, Gap(0.1, 1e-8, None), Outcome.NONE),
+    ],
+)
+def test_a_right_file_whose_refit_bends_its_values_leaves_nothing_to_explain(
+    biased: dict[str, float], left: Gap, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a stepper on a screw "the cause was not in the catalogue": of 0.1 N, beside a floor of 0.25 N."""
+    far = SimpleNamespace(handover=SimpleNamespace(files=[SimpleNamespace(gap=left)]), floor=Gap(0.2, 2e-8, None))
+    none: Any = Answer((), (), None, Outcome.NONE)  # type: ignore[arg-type]
+    searched: Any = SimpleNamespace(stages=())
+    monkeypatch.setattr(module, "explanations", lambda *_: ((searched, none),))
+    monkeypatch.setattr(module, "answer_of", lambda *_: none)
+    monkeypatch.setattr(
+        module, "_diagnosis", lambda answer, *_: SimpleNamespace(outcome=answer.outcome, how_far=far, told=None)
+    )
+    baseline: Any = SimpleNamespace(biased=biased)
+    assert module._told(searched, baseline, (), 0).outcome is outcome
