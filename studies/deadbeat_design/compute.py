@@ -42,7 +42,7 @@ from models.variation import Variation, at_mode, known, varied_plant
 from studies.as_known import limit_rows, on_allowed_machines, summary_row
 from studies.as_known import row as known_row
 from studies.beforehand import require_designable
-from studies.compensator import with_elements
+from studies.compensator import Counted, with_elements
 from studies.deadbeat_design.effects import Knowing, Written, compensate, knowing
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
@@ -136,10 +136,19 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     file["long_moves"] = moves_to_json(machine, controller, moved.moves)
     if counted.choice is not None:
         file["compensator_elements"] = counted.choice.count
+    if machine.control.law is not None:
+        results["feedback"] = machine.control.without_feedforward().in_words
+    return Answer(results, checks, {"controller.json": file}, _summary(machine, controller, options, results, counted))
+
+
+def _summary(
+    machine: Machine, controller: Controller, options: DeadbeatOptions, results: Mapping[str, Any], counted: Counted
+) -> list[tuple[str, str]]:
+    """What the terminal says, row by row."""
     summary = [
-        (f"x_T* rests on the target after ({_asked_by(options)})", show(wanted["settling_time_s"], "s")),
+        (f"x_T* rests on the target after ({_asked_by(options)})", show(results["wanted"]["settling_time_s"], "s")),
         ("motions are checked to settle within (machine file)", show(machine.specification.settling_time, "s")),
-        ("shortest settling time within the thrust limit", show(trade_off["shortest_s"], "s")),
+        ("shortest settling time within the thrust limit", show(results["trade_off"]["shortest_s"], "s")),
         *counted.summary,
         *_assumed(machine),
         *_reference_delay(machine, controller),
@@ -151,10 +160,9 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
         *(_told(one, machine) for one in results["long_moves"]["rows"]),
         *reproduction(results["paper"]),
     ]
-    if machine.control.law is not None:
-        results["feedback"] = machine.control.without_feedforward().in_words
+    if "feedback" in results:
         summary.append(("feedback kept, its reference entering as the position does", results["feedback"]))
-    return Answer(results, checks, {"controller.json": file}, summary)
+    return summary
 
 
 def _validated(
