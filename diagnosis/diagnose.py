@@ -270,6 +270,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         unknown = curve if outcome is Outcome.NONE else None
     law = unknown.fitted if known is None and unknown is not None and not unknown.reason else None
     far = how_far(stages, outcome, closure.floor, baseline, law)
+    if far.interval[1] <= 0:  # what surely takes nothing off the gap resembles it in no part
+        partly = ()
     final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
     whole = handed is not None and len(handed.fitted.candidate.effects) == len(stages[-1].fitted.candidate.effects)

@@ -313,3 +313,15 @@ def test_a_right_file_whose_refit_bends_its_values_leaves_nothing_to_explain(
     )
     baseline: Any = SimpleNamespace(biased=biased)
     assert module._told(searched, baseline, (), 0).outcome is outcome
+
+
+@pytest.mark.parametrize(("interval", "partly"), [((0.2, 0.9), ("viscous_friction",)), ((-1.0, -0.01), ())])
+def test_what_takes_nothing_off_the_gap_resembles_it_in_no_part(
+    viscous: Diagnosis, interval: tuple[float, float], partly: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ "In part it resembles additional mode, with which the unknown force does not fall"."""
+    whole = module.how_far  # type: ignore[attr-defined]
+    monkeypatch.setattr(module, "how_far", lambda *given: replace(whole(*given), interval=interval))
+    none = Answer(viscous.stages, (), held_out_closure(viscous.stages, viscous.baseline, 0), Outcome.NONE)
+    pruned: Any = SimpleNamespace(stages=viscous.stages, shares=dict(viscous.shares))
+    assert module._diagnosis(none, pruned, viscous.baseline).partly == partly
