@@ -339,8 +339,13 @@ def _least_squares(problem: _Problem, factor: Array, constraints: Constraints) -
     result = solver.solve(raise_error=False)
     if result.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
         raise KeyboardInterrupt  # OSQP took the signal for itself
-    if result.info.status == "solved":
-        return _refined(np.asarray(result.x), a, lower, upper)
+    found = _refined(np.asarray(result.x), a, lower, upper) if result.info.status == "solved" else None
+    return found if found is not None else _by_active_sets(hessian, a, lower, upper)
+
+
+def _by_active_sets(hessian: Array, a: Array, lower: Array, upper: Array) -> Array | None:
+    """The same w by HiGHS, through CasADi."""
+    count = a.shape[1]
     active_sets = ca.conic(
         "active_sets",
         "highs",

@@ -36,7 +36,7 @@ def highest_crossover(plant: Plant, sample_time: float, ms: ArrayLike) -> Array:
     difference quotient leads by at most 90 degrees - omega T_s / 2, the other parts not at all, so no PID with gains
     >= 0 does; the rest is the plant's phase, exact behind its hold.
     """
-    omega = np.geomspace(1e-5, 1.0, FREQUENCIES) * math.pi / sample_time
+    omega = np.geomspace(1e-5, 1.0, FREQUENCIES, endpoint=False) * math.pi / sample_time
     lag = omega * (plant.dead_time + sample_time / 2)
     rational = np.angle(state_space(plant)(1j * omega))
     rational = np.where(rational > 1e-9, rational - 2 * math.pi, rational)  # -180 .. 0 degrees

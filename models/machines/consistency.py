@@ -17,7 +17,7 @@ from models.plant import Plant
 from models.quantity import ROTARY, show
 
 MODES: Final = 20  # Vibration modes and the rigid body; the time of the optimal controls grows with their cube.
-EFFECTS: Final = 50  # Each is asked for its force ten times a sample.
+EFFECTS: Final = 50  # Each is asked for its force ten times a sample or more.
 SLOWEST: Final = 0.1  # Hz. What vibrates more slowly does not come back within any motion.
 MAX_SETTLING_SAMPLES: Final = 1024  # Up to which a deadbeat is designed: its programs grow with their square.
 PERIOD: Final = 400_000  # Samples in a period of the motions: the up to 24 periods that a design is tried on take 1 GB.

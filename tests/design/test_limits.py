@@ -56,6 +56,7 @@ def test_the_limit_is_sought_up_to_nyquist_and_for_any_delay() -> None:
     """A strong mode in phase leads on; with 1000 samples of delay as states the search took 60 GB."""
     led = Plant(0.0, 1.0, (Mode(1 / 45, 0.0, 0.0), Mode(0.5, 600.0, 0.9)))
     assert highest_crossover(led, TS, 4.0)[0] > 0.6 * math.pi / TS
+    assert highest_crossover(Plant(0.0, 1.0, (Mode(1 / 45, 0.0, 0.0),)), TS, 2.0)[0] < 0.4 * math.pi / TS  # no artefact
     late = Plant(1000 * TS, 1.0, (Mode(1 / 45, 0.0, 0.0),))
     expected = (math.pi / 2 - 2 * math.asin(1 / 4)) / (1001 * TS)
     assert highest_crossover(late, TS, 2.0)[0] == pytest.approx(expected, rel=3e-3)
