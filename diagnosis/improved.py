@@ -70,6 +70,13 @@ def _with_offset(machine: Machine, offset: float, source: str) -> Machine:
     return replace(machine, drive=replace(machine.drive, offset=offset), sources={**machine.sources, OFFSET_PATH: said})
 
 
+def unchanged(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with the machine as delivered handed over, where its own file does harm on records held out."""
+    far = diagnosis.how_far
+    kept = replace(far.handover, adopted=far.handover.files[0], without=())
+    return replace(diagnosis, how_far=replace(far, handover=kept))
+
+
 def without_effects(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis where the names that it found are not sure after all: none of them counts, and the file that is
     handed over has none of their effects."""

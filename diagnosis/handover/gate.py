@@ -47,6 +47,8 @@ ROUNDING: Final = 1e-6  # relative difference of errors that are equal but for t
 MIN_CHANCE_HARM: Final = 0.02
 # it has to leave less of the other error by so many times as much, on logarithms.
 MIN_TRADE_RATIO: Final = 3.0
+# Times what the machine as delivered leaves of records held out: a file that leaves more is not handed over.
+MAX_HELD_OUT_RATIO: Final = 1.02
 MEASURES: Final = ("force", "position", "settling")
 
 
@@ -177,6 +179,14 @@ def _outweighed(harms: Sequence[Harm], file: File, other: File) -> bool:
     if worse is None or worse.measure == "settling" or worse.after > (1 + MAX_RELATIVE_HARM) * worse.before:
         return False
     return _better(file, other, "position" if worse.measure == "force" else "force", OUTWEIGHING_ERROR_RATIO)
+
+
+def leaves_more(left: Sequence[Gap], other: Sequence[Gap]) -> bool:
+    """Whether of records that nothing was fitted to one file leaves more than another: by MAX_HELD_OUT_RATIO in the
+    geometric mean of their forces and positions. What a simulation runs away with is no number, and more."""
+    then, first = (np.array([(one.force, one.position) for one in gaps]) for gaps in (left, other))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return not float(np.exp(np.mean(np.log(then / first)))) <= MAX_HELD_OUT_RATIO
 
 
 def _apart(file: File, other: File, measure: str, part: float = 1.0) -> Array:

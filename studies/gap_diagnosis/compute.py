@@ -7,7 +7,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -22,9 +22,10 @@ from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
 from diagnosis.handover.files import Content
+from diagnosis.handover.gate import leaves_more
 from diagnosis.handover.overrun import OVERRUN, as_reported, overrun
 from diagnosis.handover.transfer import on_record
-from diagnosis.improved import improved_machine, without_effects
+from diagnosis.improved import improved_machine, unchanged, without_effects
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
@@ -54,8 +55,6 @@ from studies.options import BadInputError
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
-# Of what the machine as delivered leaves of records held out: a file that leaves more is not handed over.
-MAX_HELD_OUT_RATIO: Final = 1.02
 CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
@@ -123,7 +122,8 @@ def answered(
     if verdict.get("confirmed") is False and not verdict["effects"]:
         found = without_effects(found)
     left = _elsewhere(found, apart)
-    found = _unless_worse(found, left)
+    if left is not None and left["refused"] is not None:
+        found = unchanged(found)
     source = "gap_diagnosis of " + ", ".join(str(one["name"]) for one in given.shown)
     better = improved_machine(found, source)
     if options.record and better != given.machine:
@@ -218,33 +218,15 @@ def _elsewhere(found: Diagnosis, apart: Sequence[Loaded]) -> dict[str, Any] | No
     driving = [
         driving_record(machine, record, replayed(machine, record, found.baseline.criteria)) for record in records
     ]
-    files = []
-    for file in handover.files:
-        gaps = [on_record(file.machine, *pair).to_json() for pair in zip(records, driving, strict=True)]
-        files.append({"file": file.name, **{name: [gap[name] for gap in gaps] for name in gaps[0]}})
-    told = {"records": [Path(one.name).name for one in apart], "files": files, "refused": None}
-    return {**told, "refused": handover.adopted.name if _is_worse(told, handover.adopted.name) else None}
-
-
-def _is_worse(elsewhere: Mapping[str, Any], name: str) -> bool:
-    """Whether a file leaves more of the records that nothing was fitted to than the machine as delivered: in the
-    geometric mean over their forces and positions. What a simulation runs away with is no number."""
-    files = {one["file"]: one for one in elsewhere["files"]}
-    before, after = (
-        np.array([files[one][key] for key in ("force_N", "position_m")], float) for one in (Content.DELIVERED, name)
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = float(np.exp(np.mean(np.log(after / before))))
-    return not ratio <= MAX_HELD_OUT_RATIO
-
-
-def _unless_worse(found: Diagnosis, elsewhere: Mapping[str, Any] | None) -> Diagnosis:
-    """The diagnosis, with the machine as delivered handed over where its file is worse on records held out."""
-    if elsewhere is None or elsewhere["refused"] is None:
-        return found
-    handover = found.how_far.handover
-    kept = replace(handover, adopted=handover.files[0], without=())
-    return replace(found, how_far=replace(found.how_far, handover=kept))
+    gaps = {
+        file.name: [on_record(file.machine, *pair) for pair in zip(records, driving, strict=True)]
+        for file in handover.files
+    }
+    rows = {name: [gap.to_json() for gap in left] for name, left in gaps.items()}
+    files = [{"file": name, **{key: [one[key] for one in left] for key in left[0]}} for name, left in rows.items()]
+    worse = leaves_more(gaps[handover.adopted.name], gaps[handover.files[0].name])
+    refused = handover.adopted.name if worse else None
+    return {"records": [Path(one.name).name for one in apart], "files": files, "refused": refused}
 
 
 def _friction_elements(found: Diagnosis) -> dict[str, int] | None:

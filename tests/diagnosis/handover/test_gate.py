@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from diagnosis.handover.gate import File, Sums, chosen
+from diagnosis.handover.gate import File, Sums, chosen, leaves_more
 from diagnosis.handover.hand_over import Terms, closure_share
 from diagnosis.how_far import Gap
 
@@ -168,3 +169,21 @@ def test_the_closure_follows_from_its_terms() -> None:
     assert terms.closure(terms.delivered) == pytest.approx((26.6**2 - 2.1**2) / (26.6**2 - 0.5**2))
     assert terms.closure(2.1) == 0.0
     assert closure_share(1.0, 9.0, 0.1) == -1.0
+
+
+@pytest.mark.parametrize(
+    ("left", "more"),
+    [
+        ([(1.0, 1e-6)], False),
+        ([(1.5, 2e-6)], False),  # less force
+        ([(2.02, 2.01e-6)], False),  # hardly
+        ([(2.1, 2.1e-6)], True),
+        ([(1.9, 77.0)], True),
+        ([(1.9, math.nan)], True),  # ran away
+        ([(1.0, 1e-6), (2.2, 2.4e-6)], False),  # more of one of two records, and less in all
+    ],
+)
+def test_a_file_leaves_more_of_records_held_out(left: list[tuple[float, float]], more: bool) -> None:
+    given = [Gap(2.0, 2e-6, None)] * len(left)
+    assert leaves_more([Gap(*one, None) for one in left], given) == more
+    assert not leaves_more(given, given)

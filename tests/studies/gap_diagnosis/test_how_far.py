@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import copy
-import math
 from typing import Any
 
-import pytest
-
 from studies.gap_diagnosis.answer import sentences
-from studies.gap_diagnosis.compute import _is_worse
 from studies.gap_diagnosis.how_far import elsewhere
 
 
@@ -28,25 +24,6 @@ def test_what_is_told_of_a_record_that_was_held_out(results: dict[str, Any]) -> 
     told, then = elsewhere({**far, "adopted_file": "as delivered", "hold_out": apart})
     assert "the gap is larger there in position error with the machine with effects: " in told
     assert then == "So improved.toml is the machine as delivered."
-
-
-@pytest.mark.parametrize(
-    ("after", "worse"),
-    [
-        ([(1.0, 1e-6)], False),
-        ([(1.5, 2e-6)], False),  # less force
-        ([(1.9, 77.0)], True),
-        ([(1.9, math.nan)], True),  # ran away
-        ([(1.0, 1e-6), (2.2, 2.4e-6)], False),  # more on one of two records, and less in all
-    ],
-)
-def test_a_file_is_worse_by_what_it_leaves_of_records_held_out(after: list[tuple[float, float]], worse: bool) -> None:
-    def file(name: str, rows: list[tuple[float, float]]) -> dict[str, Any]:
-        return {"file": name, "force_N": [one[0] for one in rows], "position_m": [one[1] for one in rows]}
-
-    files = [file("as delivered", [(2.0, 2e-6)] * len(after)), file("with effects", after)]
-    assert _is_worse({"files": files}, "with effects") == worse
-    assert not _is_worse({"files": files}, "as delivered")
 
 
 def test_harm_and_bounds_are_told_on_the_first_page(results: dict[str, Any]) -> None:
