@@ -17,6 +17,7 @@ constant or with the speed, the acceleration, the command or the friction, may b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -43,7 +44,8 @@ MAX_WINDOW_STDS: Final = 3.0  # by which it may do so less, by chance; a load wi
 MOST_LATE: Final = 3.0  # samples, rms: that commands may be late
 LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked at
 STEPS: Final = "steps of the command"
-SIZES_TRIED: Final = 14  # of a variance, between a thousandth of the white force's and what its size allows
+SIZES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
+SIZES_TRIED: Final = 14  # by so many steps
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
@@ -81,54 +83,60 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
-        return _of_all_that_is_left(fitted, records, each, float("inf"))
+        return _of_all_that_is_left(fitted, records, signals, each, float("inf"))
     slope, spread = _slope(alike, left)
     gain = max(slope / spread, 0.0) ** 2
     if gain < LEAST_GAIN:  # what repeats may be slow
-        return _of_all_that_is_left(fitted, records, each, ts**2 * spread)
+        return _of_all_that_is_left(fitted, records, signals, each, ts**2 * spread)
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     energy = size * sum(float(one.step @ one.energy) for one in each)
     return Lateness(ts * float(np.sqrt(size)), gain, ts**2 * spread, energy)
 
 
-def _of_all_that_is_left(fitted: Fit, records: Sequence[Record], each: Sequence[_Met], scatter: float) -> Lateness:
-    """The lateness as a white force whose variance goes with the commands' steps; each: what is left of every motion;
-    scatter: of the squared lateness of repeated motions [s^2].
-    Its gain is that over the likeliest other variance, and 0 where what is left is not white."""
+def _of_all_that_is_left(
+    fitted: Fit,
+    records: Sequence[Record],
+    signals: Sequence[tuple[Array, Array, Array]],
+    each: Sequence[_Met],
+    scatter: float,
+) -> Lateness:
+    """The lateness as a white force whose variance goes with the commands' steps. Its gain is that over the likeliest
+    other variance, and 0 where what is left is not white. each: what is left of every motion; scatter: of the squared
+    lateness of repeated motions [s^2]."""
     none = Lateness(0.0, 0.0, scatter)
     if fitted.candidate.random_forces:  # the filter of a force that shakes has states of its own
         return none
     parts = [
         linear_part(fitted.candidate, record, fitted.residuals[i], i, fitted.walk) for i, record in enumerate(records)
     ]
-    envelopes = [_envelopes(fitted, i, record) for i, record in enumerate(records)]
+    envelopes = [_envelopes(fitted, i, step) for i, (_, step, _) in enumerate(signals)]
+    means = {kind: float(np.mean(np.concatenate([given[kind] for given in envelopes]))) for kind in envelopes[0]}
 
     def left(kind: str, size: float) -> tuple[float, list[Array]]:
         """-2 log of the likelihood, and the innovations, with so much variance [N^2] per unit of an envelope."""
         found = [part.misfit(size * given[kind]) for part, given in zip(parts, envelopes, strict=True)]
         return sum(one for one, _ in found), [e for _, e in found]
 
-    def likeliest(kind: str) -> tuple[float, float]:
+    def likeliest(kind: str, most: float = math.inf) -> tuple[float, float]:
         """The size of an envelope, and -2 log of the likelihood with it."""
-        mean = float(np.mean(np.concatenate([given[kind] for given in envelopes])))
-        low, high = np.log(1e-3 * parts[0].white / mean), np.log(1e7 * parts[0].white / mean)
+        low, high = (size * parts[0].white / means[kind] for size in SIZES)
         best = scipy.optimize.minimize_scalar(
-            lambda log: left(kind, float(np.exp(log)))[0],
-            bounds=(low, min(high, 2 * np.log(MOST_LATE)) if kind == STEPS else high),
+            lambda log: left(kind, math.exp(log))[0],
+            bounds=(math.log(low), math.log(min(high, most))),
             method="bounded",
             options={"maxiter": SIZES_TRIED},
         )
-        return float(np.exp(best.x)), float(best.fun)
+        return math.exp(best.x), float(best.fun)
 
-    if not any(np.any(given[STEPS] > 0) for given in envelopes):
+    if MOST_LATE**2 * means[STEPS] <= SIZES[0] * parts[0].white:  # steps so small that lateness makes no force
         return none
-    size, cost = likeliest(STEPS)
+    size, cost = likeliest(STEPS, MOST_LATE**2)
     loop = loop_time(fitted.candidate.nominal) / records[0].sample_time
     if left(STEPS, 0.0)[0] - cost < LEAST_GAIN or not _is_white(left(STEPS, size)[1], loop):
         return none
-    others = [likeliest(kind)[1] for kind in envelopes[0] if kind != STEPS]
+    others = [likeliest(kind)[1] for kind, mean in means.items() if kind != STEPS and mean > 0]
     energy = size * sum(float(one.step @ one.energy) for one in each)
-    return Lateness(records[0].sample_time * float(np.sqrt(size)), max(min(others) - cost, 0.0), scatter, energy)
+    return Lateness(records[0].sample_time * math.sqrt(size), max(min(others) - cost, 0.0), scatter, energy)
 
 
 def _is_white(innovations: Sequence[Array], loop: float) -> bool:
@@ -143,16 +151,15 @@ def _is_white(innovations: Sequence[Array], loop: float) -> bool:
     return True
 
 
-def _envelopes(fitted: Fit, index: int, record: Record) -> dict[str, Array]:
+def _envelopes(fitted: Fit, index: int, step: Array) -> dict[str, Array]:
     """What the variance of a white force may go with, by sample (n,): the squared steps of the command as it acts
     [N^2], nothing [1], the speed [m/s] and its square, the squares of the acceleration, of the command and of the
     friction [SI]."""
-    residual, delay = fitted.residuals[index], round(fitted.candidate.machine.plant.dead_time / record.sample_time)
-    acting = np.concatenate([np.full(delay + 1, record.command[0]), record.command])[: record.command.size + 1]
-    speed, command = residual.path.speed.mean(axis=1), acting[1:]
+    residual = fitted.residuals[index]
+    speed, command = residual.path.speed.mean(axis=1), residual.acts.sent.mean(axis=1)
     return {
-        STEPS: np.diff(acting) ** 2,
-        "constant": np.ones(command.size),
+        STEPS: step,
+        "constant": np.ones(step.size),
         "speed": np.abs(speed),
         "speed squared": speed**2,
         "acceleration": np.gradient(speed) ** 2,

@@ -22,7 +22,7 @@ from models.effects.base import Effect
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging, CurrentLoopLag, DacQuantisation, GainAsymmetry, ThrustSaturation, TimingJitter
 from models.records.record import Record
-from tests.diagnosis.tables import recorded, table
+from tests.diagnosis.tables import nominal_with, recorded, table
 
 LATE = Criteria().late_commands_min_gain
 FINE = replace(table().scale, resolution=5e-9, noise=5e-9)
@@ -142,3 +142,21 @@ def test_late_commands_are_found_where_no_motion_repeats(beside: tuple[Effect, .
 def test_no_law_is_late_where_no_motion_repeats(effect: Effect | None) -> None:
     """A law leaves more than white noise for as long as it lasts, or goes with something else than the steps."""
     assert of_a_ladder(*([effect] if effect else [])).gain < 0.2 * LATE
+
+
+def test_a_variance_has_none_to_go_with_on_an_axis_without_friction() -> None:
+    plain = table()
+    records = tuple(recorded(plain, (amplitude_ladder(plain),), (TimingJitter(0.04),), seed=5))
+    made = refit(parameters(plain, 1), records)
+    (residual,) = made.residuals
+    without = replace(residual, acts=replace(residual.acts, friction=np.zeros_like(residual.acts.friction)))
+    assert lateness(replace(made, residuals=(without,)), records).gain > LATE
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9])
+def test_commands_that_hardly_step_are_not_late(size: float) -> None:
+    """Steps that make no force at any lateness had ended in an error of the search for its size."""
+    plain = table()
+    (record,) = recorded(plain, (amplitude_ladder(plain),), seed=5)
+    still = replace(record, command=size * np.random.default_rng(1).standard_normal(record.command.size))
+    assert lateness(nominal_with(plain, (), (still,)), (still,)).gain == 0.0
