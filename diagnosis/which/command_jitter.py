@@ -44,8 +44,8 @@ MAX_WINDOW_STDS: Final = 3.0  # by which it may do so less, by chance; a load wi
 MOST_LATE: Final = 3.0  # samples, rms: that commands may be late
 LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked at
 STEPS: Final = "steps of the command"
-SIZES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
-SIZES_TRIED: Final = 14  # by so many steps
+VARIANCES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
+VARIANCES_TRIED: Final = 14  # by so many steps
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
@@ -119,16 +119,16 @@ def _of_all_that_is_left(
 
     def likeliest(kind: str, most: float = math.inf) -> tuple[float, float]:
         """The size of an envelope, and -2 log of the likelihood with it."""
-        low, high = (size * parts[0].white / means[kind] for size in SIZES)
+        low, high = (size * parts[0].white / means[kind] for size in VARIANCES)
         best = scipy.optimize.minimize_scalar(
             lambda log: left(kind, math.exp(log))[0],
             bounds=(math.log(low), math.log(min(high, most))),
             method="bounded",
-            options={"maxiter": SIZES_TRIED},
+            options={"maxiter": VARIANCES_TRIED},
         )
         return math.exp(best.x), float(best.fun)
 
-    if MOST_LATE**2 * means[STEPS] <= SIZES[0] * parts[0].white:  # steps so small that lateness makes no force
+    if MOST_LATE**2 * means[STEPS] <= VARIANCES[0] * parts[0].white:  # steps so small that lateness makes no force
         return none
     size, cost = likeliest(STEPS, MOST_LATE**2)
     loop = loop_time(fitted.candidate.nominal) / records[0].sample_time
