@@ -9,7 +9,6 @@ log f_i, log zeta_i) for each mode. N lines in all.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -17,7 +16,17 @@ import numpy as np
 import scipy
 
 from models.identification.modal.problem import Lines, Problem, Structure
-from models.identification.modal.transfer import Array, Complex, expanded, expansion, fractions, sampled, units
+from models.identification.modal.transfer import (
+    Array,
+    Complex,
+    Parts,
+    continuous,
+    expansion,
+    expansions,
+    fractions,
+    sampled,
+    units,
+)
 from models.plant import Mode, Plant
 
 DAMPINGS: Final = (0.003, 0.01, 0.03, 0.1)  # of the grid of starting values
@@ -38,12 +47,12 @@ MAX_SPRING_RATIO: Final = 3.0
 
 @dataclass(frozen=True)
 class Expansion:
-    """A plant with a lag, a drag and a spring in partial fractions: poles (J,) [1/s], weights (J,) [1/kg], dead time
-    [s]; sprung: whether a spring holds it, so that the pole at 0 is none of its own."""
+    """P plants with a lag, a drag and a spring in partial fractions: poles (P, J) [1/s], weights (P, J) [1/kg], dead
+    times (P,) [s]; sprung: whether a spring holds them, so that the pole at 0 is none of their own."""
 
     pole: Complex
     weight: Complex
-    dead_time: float
+    dead_time: Array
     sprung: bool = False
 
 
@@ -58,14 +67,31 @@ class Beside:
 
 def decoded(theta: Array, structure: Structure, problem: Problem) -> tuple[Plant, Beside]:
     """The plant [SI] that theta stands for, its modes in theta's order, and what acts beside them."""
-    rigid, unit = math.exp(theta[0]), sizes(problem)
-    values = {part: float(theta[structure.index(part)]) * unit[part] for part in structure.parts}
-    beside = Beside(
-        values.get("lag", 0.0), values.get("drag", 0.0) / rigid, values.get("spring", problem.spring * rigid) / rigid
-    )
-    triples = theta[structure.before :].reshape(-1, 3).tolist()
-    modes = [Mode(rigid * k, math.exp(f), math.exp(zeta)) for k, f, zeta in triples]
-    return Plant(float(theta[1]) * problem.unit, 1.0, (Mode(rigid, 0.0, 0.0), *modes)), beside
+    parts, dead_time = _parts(theta[None], structure, problem)
+    rigid = float(parts.rigid[0])
+    modes = [
+        Mode(gain, w / (2 * math.pi), zeta)
+        for gain, w, zeta in zip(parts.gain[0].tolist(), parts.w[0].tolist(), parts.zeta[0].tolist(), strict=True)
+    ]
+    beside = Beside(float(parts.lag[0]), float(parts.drag[0]), float(parts.spring[0]))
+    return Plant(float(dead_time[0]), 1.0, (Mode(rigid, 0.0, 0.0), *modes)), beside
+
+
+def _parts(thetas: Array, structure: Structure, problem: Problem) -> tuple[Parts, Array]:
+    """What thetas (P, p) stand for, and the dead times (P,) [s]."""
+    rigid, unit, none = np.exp(thetas[:, 0]), sizes(problem), np.zeros(len(thetas))
+    values = {part: thetas[:, structure.index(part)] * unit[part] for part in structure.parts}
+    gain, log_f, log_zeta = np.moveaxis(thetas[:, structure.before :].reshape(len(thetas), -1, 3), 2, 0)
+    beside = values.get("lag", none), values.get("drag", none) / rigid
+    spring = values["spring"] / rigid if "spring" in values else none + problem.spring
+    modes = rigid[:, None] * gain, 2 * math.pi * np.exp(log_f), np.exp(log_zeta)
+    return Parts(rigid, *modes, *beside, spring), thetas[:, 1] * problem.unit
+
+
+def _terms(thetas: Array, structure: Structure, problem: Problem) -> Expansion:
+    """The expansions of thetas (P, p)."""
+    parts, dead_time = _parts(thetas, structure, problem)
+    return Expansion(*expansions(parts), dead_time, bool(np.any(parts.spring)))
 
 
 def sizes(problem: Problem) -> dict[str, float]:
@@ -75,14 +101,21 @@ def sizes(problem: Problem) -> dict[str, float]:
 
 def residual(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Weighted errors (2 N,) [1], less what the ends of a single record explain, whatever their sizes (projection)."""
-    return left_of(*decoded(theta, structure, problem), problem)
+    return _left(_terms(theta[None], structure, problem), problem)
 
 
 def left_of(plant: Plant, beside: Beside, problem: Problem) -> Array:
     """The residual (2 N,) [1] of a plant and what acts beside its modes."""
-    found, terms = [], _expansion(plant, beside)
+    pole, weight = expansion(plant, beside.lag, beside.drag, beside.spring)
+    terms = Expansion(pole[None], weight[None], np.array([plant.dead_time]), beside.spring > 0)
+    return _left(terms, problem)
+
+
+def _left(terms: Expansion, problem: Problem) -> Array:
+    """The residual (2 N,) [1] of one expansion."""
+    found = []
     for one in problem.lines:
-        error = _errors(terms, one)
+        error = _errors(_shown(terms, one)[0], terms.sprung, one)
         if one.command is not None:
             basis, _ = _spanned(_columns(_ends_of(terms, one), one))
             error = error - basis @ (basis.T @ error)
@@ -90,39 +123,36 @@ def left_of(plant: Plant, beside: Beside, problem: Problem) -> Array:
     return np.concatenate(found)
 
 
-def _expansion(plant: Plant, beside: Beside) -> Expansion:
-    terms = expansion(plant, beside.lag, beside.drag, beside.spring)
-    return Expansion(*terms, plant.dead_time, beside.spring > 0)
+def _errors(shown: Complex, sprung: bool, lines: Lines) -> Array:
+    """Weighted errors (2n,) [1] of a weighted response (n,) [1].
 
-
-def _errors(terms: Expansion, lines: Lines) -> Array:
-    """Weighted errors (2n,) [1]. Without a spring the straight line that was taken off the position is among what
-    the ends leave. A spring makes the command rise along it, so that there it counts with the size that it had: its
-    spectrum is -g z / (z - 1) at the lines, where z^n = 1."""
-    error = _shown(terms, lines) - lines.p * lines.weight
-    if terms.sprung and lines.command is not None and not lines.levelled:
+    Without a spring the straight line that was taken off the position is among what the ends leave. A spring makes the
+    command rise along it, so that there it counts with the size that it had: its spectrum is -g z / (z - 1) at the
+    lines, where z^n = 1.
+    """
+    error = shown - lines.p * lines.weight
+    if sprung and lines.command is not None and not lines.levelled:
         error += lines.slope * lines.scale / (1 - lines.back)
     return _stacked(error)
 
 
 def _shown(terms: Expansion, lines: Lines) -> Complex:
-    """The weighted response (n,) [1]."""
+    """The weighted responses (P, n) [1]."""
     if lines.ts == 0:
-        return expanded(terms.pole, terms.weight, lines.f, terms.dead_time, 0.0) * lines.weight
-    return sampled(terms.pole, terms.weight, lines.held_back, terms.dead_time, lines.hold) * lines.weight
+        response = continuous(terms.pole, terms.weight, lines.f, terms.dead_time)
+    else:
+        response = sampled(terms.pole, terms.weight, lines.held_back, terms.dead_time, lines.hold)
+    return response * lines.weight
 
 
 class _Ends(NamedTuple):
-    """What of the states, unlike at the record's two ends, rings on: discrete poles in pairs (K, 2) and by themselves
-    (M,), and how many commands act late."""
+    """What of the states, unlike at the record's two ends, rings on, for each of P plants: discrete poles in pairs, one
+    (P, K) and the other (P, K), and by themselves (P, M), and how many commands act late."""
 
-    pairs: Complex
+    one: Complex
+    other: Complex
     single: Complex
     late: int
-
-    @property
-    def sizes(self) -> tuple[int, int, int]:
-        return len(self.pairs), self.single.size, self.late
 
 
 def _ends_of(terms: Expansion, lines: Lines) -> _Ends:
@@ -132,45 +162,53 @@ def _ends_of(terms: Expansion, lines: Lines) -> _Ends:
     that act late act at the record's first samples, where they are those from before it, not those of its end: one term
     z^-j for each. Where the excitation was the same before, neither these nor poles that have died out since are
     unlike. Where a spring was known and the lines were taken off both signals, what they differ by under it is a line
-    again, a pole at 1: told by the spring, it would outweigh all that was swept.
+    again, a pole at 1: told by the spring, it would outweigh all that was swept. Plants that have other ends than the
+    first, as where a pole dies out between them, are taken to have its.
     """
     poles, discrete = terms.pole, np.exp(terms.pole * lines.ts)
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
     rings = np.abs(poles.real) * lines.settled < DIED_OUT
-    upper = discrete[(poles.imag > 0) & rings & ~real]
-    first, second, alone = upper, upper.conj(), real & rings
+    upper, alone = (poles.imag > 0) & rings & ~real, real & rings
+    slow = np.argmin(np.where(real, np.abs(poles), np.inf), axis=1)[:, None]
     if not terms.sprung:
-        slow = np.flatnonzero(real)[np.argmin(np.abs(poles[real]))]
-        first, second = np.append(1.0, first), np.append(discrete[slow], second)
-        alone = alone & (poles != poles[slow])
-    late = max(math.ceil(terms.dead_time / lines.ts), 0) + 1 if lines.single else 0
-    single = discrete[alone] if not (terms.sprung and lines.levelled) else np.append(discrete[alone], 1.0)
-    return _Ends(np.column_stack([first, second]), single, late)
+        alone &= poles != np.take_along_axis(poles, slow, axis=1)
+    late = (np.maximum(np.ceil(terms.dead_time / lines.ts), 0).astype(int) + 1) * lines.single
+    counts = np.column_stack([np.sum(upper, axis=1), np.sum(alone, axis=1), late])
+    source = np.where(np.all(counts == counts[0], axis=1), np.arange(len(poles)), 0)
+    discrete, upper, alone, slow = discrete[source], upper[source], alone[source], slow[source]
+    one, single = discrete[upper].reshape(len(poles), -1), discrete[alone].reshape(len(poles), -1)
+    other, steady = one.conj(), np.ones((len(poles), 1), complex)
+    if not terms.sprung:
+        one, other = np.hstack([one, steady]), np.hstack([other, np.take_along_axis(discrete, slow, axis=1)])
+    elif lines.levelled:
+        single = np.hstack([single, steady])
+    return _Ends(one, other, single, int(late[0]))
 
 
 def _columns(ends: _Ends, lines: Lines) -> Array:
-    """What a unit of each adds to the weighted errors (2n, c) [1]."""
-    back, (one, other) = lines.back[:, None], ends.pairs.T
+    """What a unit of each of the first plant's adds to the weighted errors (2n, c) [1]."""
+    back, one, other, single = lines.back[:, None], ends.one[0], ends.other[0], ends.single[0]
     shapes = 1 / ((1 - one * back) * (1 - other * back))
     late = back ** np.arange(ends.late)
-    parts = np.hstack([back * shapes, (1 - back) * shapes, 1 / (1 - ends.single * back), late])
+    parts = np.hstack([back * shapes, (1 - back) * shapes, 1 / (1 - single * back), late])
     parts *= lines.scale[:, None]
     return np.vstack([parts.real, parts.imag])
 
 
 def _added(ends: _Ends, sizes: Array, lines: Lines) -> Complex:
-    """What `_columns` times sizes (c,) are, as complex numbers (n,) [1]."""
-    count, alone = len(ends.pairs), ends.single
-    by_place, by_speed, by_single, by_late = np.split(sizes, np.cumsum([count, count, alone.size]))
-    none, (one, other) = np.zeros(alone.size), ends.pairs.T
+    """What `_columns` of each plant times sizes (c,) are, as complex numbers (P, n) [1], but for the commands that act
+    late, which are alike in all."""
+    one, other, alone = ends.one, ends.other, ends.single
+    by_place, by_speed, by_single, _ = np.split(sizes, np.cumsum([one.shape[1], one.shape[1], alone.shape[1]]))
+    now, before = np.append(by_speed, by_single), np.append(by_place - by_speed, np.zeros(by_single.size))
     total = fractions(
-        np.append(by_speed, by_single).astype(complex),
-        np.append(by_place - by_speed, none).astype(complex),
-        np.append(-one - other, -alone),
-        np.append(one * other, none),
+        np.broadcast_to(now, (len(one), now.size)).astype(complex),
+        np.broadcast_to(before, (len(one), now.size)).astype(complex),
+        np.hstack([-one - other, -alone]),
+        np.hstack([one * other, np.zeros_like(alone)]),
         lines.back,
     )
-    return np.asarray((total + np.polyval(by_late[::-1], lines.back)) * lines.scale)
+    return np.asarray(total * lines.scale)
 
 
 def _spanned(columns: Array) -> tuple[Array, Array]:
@@ -191,26 +229,19 @@ def _stacked(values: Complex) -> Array:
 
 def jacobian(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Slopes (2 N, p) [1] of the residual, by differences; of the projection as Kaufman (1975) has it."""
-    here, *moved = (
-        _expansion(*decoded(theta + step, structure, problem))
-        for step in (np.zeros(theta.size), *(DERIVATIVE_STEP * np.eye(theta.size)))
-    )
-    return np.vstack([_slopes(here, moved, one) for one in problem.lines])
+    steps = np.vstack([np.zeros(theta.size), DERIVATIVE_STEP * np.eye(theta.size)])
+    terms = _terms(theta + steps, structure, problem)
+    return np.vstack([_slopes(terms, one) for one in problem.lines])
 
 
-def _slopes(here: Expansion, moved: Sequence[Expansion], lines: Lines) -> Array:
-    """Of one response; moved: by a step of each of theta."""
+def _slopes(terms: Expansion, lines: Lines) -> Array:
+    """Of one response; terms: here, and moved by a step of each of theta."""
+    shown = _shown(terms, lines)
     if lines.command is None:
-        shown = np.array([_shown(terms, lines) for terms in moved])
-        return _parted((shown - _shown(here, lines)) / DERIVATIVE_STEP)
-    ends = _ends_of(here, lines)
+        return _parted((shown[1:] - shown[0]) / DERIVATIVE_STEP)
+    ends = _ends_of(terms, lines)
     basis, weights = _spanned(_columns(ends, lines))
-    sizes = -weights @ (basis.T @ _errors(here, lines))
-    shown = np.empty((1 + len(moved), lines.f.size), complex)
-    for row, terms in zip(shown, (here, *moved), strict=True):
-        near = _ends_of(terms, lines)
-        alike = near if near.sizes == ends.sizes else ends  # a pole may die out between
-        row[:] = _shown(terms, lines) + _added(alike, sizes, lines)
+    shown += _added(ends, -weights @ (basis.T @ _errors(shown[0], terms.sprung, lines)), lines)
     slopes = _parted((shown[1:] - shown[0]) / DERIVATIVE_STEP)
     return np.asarray(slopes - basis @ (basis.T @ slopes))
 
@@ -294,7 +325,7 @@ def with_mode(theta: Array, structure: Structure, problem: Problem) -> Array:
 
 def _explained(theta: Array, structure: Structure, problem: Problem) -> Array:
     """Orthonormal columns (2 N, c): what a change of theta, or of what the ends leave, makes of the residual."""
-    terms = _expansion(*decoded(theta, structure, problem))
+    terms = _terms(theta[None], structure, problem)
     slopes, row = [jacobian(theta, structure, problem)], 0
     for one in problem.lines:
         if one.command is not None:

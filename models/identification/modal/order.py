@@ -145,22 +145,24 @@ def _chosen(problem: Problem, most: int, candidates: Structure, exactly: int | N
 
 def _passed(problem: Problem, scanned: list[Candidate], exactly: int | None, rolling: bool) -> Chosen:
     """What is left of the best order without what is no mode, or is not worth its parameters; on a few of the lines."""
-    scale = _scale(problem, scanned)
-    orders = tuple(_told(problem, one, scale) for one in scanned)
+    scale, few = _scale(problem, scanned), problem.thinned(MAX_COMPARED_LINES)
+    wrong = [faults(few, one) for one in scanned]
+    orders = tuple(_told(few, one, wrong[i], scale) for i, one in enumerate(scanned))
     if not rolling and _bent(problem, scanned):
         return Chosen(scanned[-1], orders, {}, bent=True)
-    few = problem.thinned(MAX_COMPARED_LINES)
-    best = scanned[-1] if exactly is not None else _sound(few, scanned, scale)
+    best = scanned[-1] if exactly is not None else _sound(few, scanned, wrong, scale)
     best, worth = _fewest(few, best, scale, modes=exactly is None)
     return Chosen(best, orders, worth)
 
 
-def _sound(few: Problem, scanned: list[Candidate], scale: float) -> Candidate:
+def _sound(few: Problem, scanned: list[Candidate], wrong: list[tuple[str, ...]], scale: float) -> Candidate:
     """The best order without what is no mode, or the best of those that have no such mode, whichever is better: of an
-    order with too many, a mode that stands beside them may seem not to be seen, and is lost with them."""
-    best = min(scanned, key=lambda one: _criterion(few, one, scale))
-    without = [one for one in scanned if not any(faults(few, one))]
-    return min(_without_faults(few, best), *without, key=lambda one: _criterion(few, one, scale))
+    order with too many, a mode that stands beside them may seem not to be seen, and is lost with them. wrong: the
+    faults of each order's modes."""
+    best = min(range(len(scanned)), key=lambda i: _criterion(few, scanned[i], scale))
+    without = [one for one, found in zip(scanned, wrong, strict=True) if not any(found)]
+    mended = _without_faults(few, scanned[best], wrong[best])
+    return min(mended, *without, key=lambda one: _criterion(few, one, scale))
 
 
 def _with_all_lines(problem: Problem, one: Candidate, candidates: Structure) -> tuple[Candidate, dict[str, float]]:
@@ -304,21 +306,22 @@ def _criterion(problem: Problem, one: Candidate, scale: float) -> float:
     return (one.cost / scale if problem.known else n * math.log(one.cost / n)) + one.theta.size * math.log(n)
 
 
-def _told(problem: Problem, one: Candidate, scale: float) -> Order:
-    few = problem.thinned(MAX_COMPARED_LINES)
+def _told(few: Problem, one: Candidate, wrong: tuple[str, ...], scale: float) -> Order:
     chi_square = one.cost / max(few.size - one.theta.size, 1)
-    return Order(one.triples, faults(few, one), chi_square, _criterion(few, one, scale))
+    return Order(one.triples, wrong, chi_square, _criterion(few, one, scale))
 
 
-def _without_faults(problem: Problem, one: Candidate) -> Candidate:
-    """The candidate without what is not a mode, the one that is seen least first, fitted again after each."""
+def _without_faults(problem: Problem, one: Candidate, found: tuple[str, ...] | None = None) -> Candidate:
+    """The candidate without what is not a mode, the one that is seen least first, fitted again after each. found: its
+    faults, if they are known."""
     while True:
-        wrong = [i for i, fault in enumerate(faults(problem, one)) if fault]
+        found = faults(problem, one) if found is None else found
+        wrong = [i for i, fault in enumerate(found) if fault]
         if not wrong:
             return one
         first = one.structure.before
         least = min(wrong, key=lambda i: abs(one.triples[i, 0]) / max(one.deviation(first + 3 * i), 1e-300))
-        one = _without(problem, one, f"mode {least}")
+        one, found = _without(problem, one, f"mode {least}"), None
 
 
 def _without(problem: Problem, one: Candidate, part: str) -> Candidate:

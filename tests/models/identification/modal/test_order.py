@@ -74,7 +74,8 @@ def test_an_order_that_loses_its_modes_with_what_is_none_gives_way_to_one_that_h
     theta = np.concatenate([rigid.theta, [1e-6, np.log(7e3), np.log(0.01)], [1e-6, np.log(9e3), np.log(0.01)]])
     many = Candidate(structure, theta, np.eye(theta.size), 0.5 * right.cost)  # as good, by what is no mode
     assert [bool(fault) for fault in faults(problem, many)] == [True, True]
-    found = _sound(problem, [rigid, right, many], 1.0)
+    orders = [rigid, right, many]
+    found = _sound(problem, orders, [faults(problem, one) for one in orders], 1.0)
     assert found.triples[:, 1] == pytest.approx([140.0], rel=1e-3)
 
 
