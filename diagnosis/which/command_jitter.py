@@ -46,6 +46,9 @@ LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked 
 STEPS: Final = "steps of the command"
 VARIANCES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
 VARIANCES_TRIED: Final = 14  # by so many steps
+# First by steps of this factor: around the likeliest variance some of what it gains is gained as far as that.
+COARSE_FACTOR: Final = 100.0
+LEAST_COARSE_GAIN: Final = LEAST_GAIN / 10
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
 
@@ -117,12 +120,17 @@ def _of_all_that_is_left(
         found = [part.misfit(size * given[kind]) for part, given in zip(parts, envelopes, strict=True)]
         return sum(one for one, _ in found), [e for _, e in found]
 
-    def likeliest(kind: str, most: float = math.inf) -> tuple[float, float]:
-        """The size of an envelope, and -2 log of the likelihood with it."""
+    def room(kind: str) -> tuple[float, float]:
+        """Between which sizes that of an envelope is sought."""
         low, high = (size * parts[0].white / means[kind] for size in VARIANCES)
+        return low, min(high, MOST_LATE**2) if kind == STEPS else high
+
+    def likeliest(kind: str) -> tuple[float, float]:
+        """The size of an envelope, and -2 log of the likelihood with it."""
+        low, high = room(kind)
         best = scipy.optimize.minimize_scalar(
             lambda log: left(kind, math.exp(log))[0],
-            bounds=(math.log(low), math.log(min(high, most))),
+            bounds=(math.log(low), math.log(high)),
             method="bounded",
             options={"maxiter": VARIANCES_TRIED},
         )
@@ -130,9 +138,14 @@ def _of_all_that_is_left(
 
     if MOST_LATE**2 * means[STEPS] <= VARIANCES[0] * parts[0].white:  # steps so small that lateness makes no force
         return none
-    size, cost = likeliest(STEPS, MOST_LATE**2)
+    low, high = room(STEPS)
+    coarse = np.geomspace(low, high, 2 + math.ceil(math.log(high / low, COARSE_FACTOR)))
+    steady = left(STEPS, 0.0)[0]
+    if steady - min(left(STEPS, one)[0] for one in coarse.tolist()) < LEAST_COARSE_GAIN:
+        return none
+    size, cost = likeliest(STEPS)
     loop = loop_time(fitted.candidate.nominal) / records[0].sample_time
-    if left(STEPS, 0.0)[0] - cost < LEAST_GAIN or not _is_white(left(STEPS, size)[1], loop):
+    if steady - cost < LEAST_GAIN or not _is_white(left(STEPS, size)[1], loop):
         return none
     others = [likeliest(kind)[1] for kind, mean in means.items() if kind != STEPS and mean > 0]
     energy = size * sum(float(one.step @ one.energy) for one in each)
