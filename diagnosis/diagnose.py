@@ -30,6 +30,7 @@ from diagnosis.answer import (
     doubted,
     explanations,
     form_parts,
+    largest_adequate,
     nonlinear_spring,
     not_seen_to_repeat,
     rivalling,
@@ -38,6 +39,7 @@ from diagnosis.baseline import Baseline, Progress, refit_and_null
 from diagnosis.closure import Closure
 from diagnosis.criteria import Criteria
 from diagnosis.handover.files import Content
+from diagnosis.handover.gate import is_right
 from diagnosis.handover.hand_over import HowFar, how_far
 from diagnosis.handover.stated import direction, input_delay
 from diagnosis.how_far import effect_magnitude
@@ -191,10 +193,10 @@ def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed:
         plain = answer_of(pruned.stages[:1], pruned, baseline, seed)
         if plain.outcome is not Outcome.NONE:  # the re-fit leaves nothing, so that nothing is out of the catalogue
             found = _diagnosis(plain, pruned, baseline)
-    if found.outcome is Outcome.NONE and baseline.biased and is_within_floor(found.how_far):
+    if found.outcome is Outcome.NONE and baseline.biased and is_right_as_delivered(found.how_far, baseline, seed):
         # Weights that the re-fit needs, as it bends values where nothing is wrong, tell nothing of what is left.
-        plain = answer_of(pruned.stages[:1], pruned, baseline, seed)
-        found = _diagnosis(replace(plain, outcome=Outcome.NOTHING), pruned, baseline)
+        plain = largest_adequate(pruned.stages[:1], baseline, seed)
+        found = _diagnosis(replace(plain, outcome=Outcome.NOTHING, names=()), pruned, baseline)
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
         found = _diagnosis(answer_of(without(pruned, less), pruned, baseline, seed), pruned, baseline)
     return found
@@ -297,10 +299,12 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     )
 
 
-def is_within_floor(far: HowFar) -> bool:
-    """Whether the machine as delivered leaves no more than the noise floor, in force and in position."""
-    delivered, floor = far.handover.files[0].gap, far.floor
-    return delivered.force <= floor.force and delivered.position <= floor.position
+def is_right_as_delivered(far: HowFar, baseline: Baseline, seed: int) -> bool:
+    """Whether the machine as delivered leaves no more than the noise floor, or than of records that it makes itself, in
+    force and in position."""
+    file, floor = far.handover.files[0], far.floor
+    within = file.gap.force <= floor.force and file.gap.position <= floor.position
+    return within or is_right(file, baseline, seed)
 
 
 def is_withdrawn(names: Sequence[str], fitted: Fit, closure: Closure, far: HowFar, criteria: Criteria) -> bool:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
+from diagnosis.closure import simulated_records
 from diagnosis.handover.files import Content, JudgedFile, judged_file, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished
 from diagnosis.how_far import Errors, Gap, errors_of
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 
 FOLDS: Final = 3  # into which the motions are divided; each is judged by a fit to the others
 DRAWS: Final = 1000
+OWN_DRAWS: Final = 4  # records that a file makes itself, to see what it leaves of them
 CHANCE: Final = 0.05  # one-sided level at which a candidate counts as worse
 # A file that surely leaves less than this share of one error
 OUTWEIGHING_ERROR_RATIO: Final = 0.5
@@ -225,12 +227,23 @@ def _poor_trade(file: File, other: File) -> list[Harm]:
     return [Harm(file.name, MEASURES[worse], other.name, first[worse], then[worse])]
 
 
-def as_delivered(baseline: Baseline) -> File:
-    """The machine as its file states it; only the starts of the records, which no file can know, are the re-fit's."""
-    candidate = baseline.nominal.candidate
-    file = judged_file(candidate.nominal, starts_of(candidate))
+def as_delivered(baseline: Baseline, starts: Sequence[Array]) -> File:
+    """The machine as its file states it; only the starts of the records, which no file can know, are those of the
+    re-fitted file, so that neither is the better by them: displacements (N,) [m] of the friction elements by record."""
+    file = judged_file(baseline.nominal.candidate.nominal, starts)
     left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
     return File(Content.DELIVERED, file, left.gap(), sums(left, baseline))
+
+
+def is_right(file: File, baseline: Baseline, seed: int) -> bool:
+    """Whether a file leaves no more of the records than of those that it makes of the same references, but for
+    chance, in force and in position."""
+    made = (simulated_records(file.judged.candidate, baseline.records, seed + i) for i in range(OWN_DRAWS))
+    own = [errors_of(*one, smooth(*one)).gap() for one in made]
+    return all(
+        getattr(file.gap, of) <= np.mean(values) + baseline.criteria.own_floor_stds * np.std(values, ddof=1)
+        for of, values in (("force", [one.force for one in own]), ("position", [one.position for one in own]))
+    )
 
 
 def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:

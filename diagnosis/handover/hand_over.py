@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
-from diagnosis.handover.files import Content
+from diagnosis.handover.files import Content, starts_of
 from diagnosis.handover.final_fit import finished
 from diagnosis.handover.gate import (
     DRAWS,
@@ -170,13 +170,14 @@ def how_far(
 ) -> HowFar:
     """The files of the machine as delivered, re-fitted and with the effects of the stages; which is handed over. law: a
     fit with a measured law, which is then handed over in place of effects if it does no harm [SI]."""
-    delivered, records = as_delivered(baseline), baseline.records
+    records = baseline.records
     fits = [finished(stages[0].fitted, records)]
     if len(stages) > 1:
         fits.append(finished(stages[-1].fitted, records))
     transfer = None
     if len(records) > 1:
         fits, transfer = transferred(fits, baseline)
+    delivered = as_delivered(baseline, starts_of(fits[0].candidate))
     names = (Content.REFITTED, Content.EFFECTS)
     files = [with_fit(name, one, baseline) for name, one in zip(names, fits, strict=False)]
     if outcome is Outcome.NOTHING:

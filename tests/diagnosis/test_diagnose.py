@@ -291,28 +291,34 @@ def test_a_stated_lag_that_is_far_longer_is_a_value_that_is_off_and_no_other_eff
 
 
 @pytest.mark.parametrize(
-    ("biased", "left", "outcome"),
+    ("biased", "left", "own", "outcome"),
     [
-        ({"mode_frequency": -2.0}, Gap(0.1, 1e-8, None), Outcome.NOTHING),
-        ({"mode_frequency": -2.0}, Gap(0.3, 1e-8, None), Outcome.NONE),
-        ({"mode_frequency": -2.0}, Gap(0.1, 3e-8, None), Outcome.NONE),
-        ({}, Gap(0.1, 1e-8, None), Outcome.NONE),
+        ({"mode_frequency": -2.0}, Gap(0.1, 1e-8, None), False, Outcome.NOTHING),
+        ({"mode_frequency": -2.0}, Gap(0.3, 1e-8, None), False, Outcome.NONE),
+        ({"mode_frequency": -2.0}, Gap(0.3, 1e-8, None), True, Outcome.NOTHING),
+        ({"mode_frequency": -2.0}, Gap(0.1, 3e-8, None), False, Outcome.NONE),
+        ({}, Gap(0.1, 1e-8, None), True, Outcome.NONE),
     ],
 )
 def test_a_right_file_whose_refit_bends_its_values_leaves_nothing_to_explain(
-    biased: dict[str, float], left: Gap, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+    biased: dict[str, float], left: Gap, own: bool, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a stepper on a screw "the cause was not in the catalogue": of 0.1 N, beside a floor of 0.25 N."""
     far = SimpleNamespace(handover=SimpleNamespace(files=[SimpleNamespace(gap=left)]), floor=Gap(0.2, 2e-8, None))
-    none: Any = Answer((), (), None, Outcome.NONE)  # type: ignore[arg-type]
+    none: Any = Answer((), ("additional_mode",), None, Outcome.NONE)  # type: ignore[arg-type]
     searched: Any = SimpleNamespace(stages=())
     monkeypatch.setattr(module, "explanations", lambda *_: ((searched, none),))
-    monkeypatch.setattr(module, "answer_of", lambda *_: none)
+    monkeypatch.setattr(module, "largest_adequate", lambda *_: none)
+    monkeypatch.setattr(module, "is_right", lambda *_: own)
     monkeypatch.setattr(
-        module, "_diagnosis", lambda answer, *_: SimpleNamespace(outcome=answer.outcome, how_far=far, told=None)
+        module,
+        "_diagnosis",
+        lambda answer, *_: SimpleNamespace(outcome=answer.outcome, names=answer.names, how_far=far, told=None),
     )
     baseline: Any = SimpleNamespace(biased=biased)
-    assert module._told(searched, baseline, (), 0).outcome is outcome
+    found: Any = module._told(searched, baseline, (), 0)
+    assert found.outcome is outcome
+    assert found.names == (() if outcome is Outcome.NOTHING else none.names)
 
 
 @pytest.mark.parametrize(("interval", "partly"), [((0.2, 0.9), ("viscous_friction",)), ((-1.0, -0.01), ())])
