@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from models.controller import References
 from models.friction import elements
-from models.identification.estimate import STRONG, Estimate, left_out, wider
+from models.identification.estimate import LOOSE, STRONG, Estimate, left_out, wider
 from models.identification.force.fit import DAMPING, SIGNIFICANT_STDS
 from models.identification.unusable import UnusableError
 from models.machine import Machine
@@ -46,6 +46,10 @@ Array = NDArray[np.float64]
 
 LEAST_SUBSTEPS: Final = 6  # in a sample of the simulations of a fit
 FARTHEST: Final = 20.0  # times what is known, of mass, friction and length: beyond, a fit has run away
+MOST_STEPS: Final = 40  # of a fit; usual ones take four to six
+USUAL_STEPS: Final = 6  # after which a step that is small beside the deviations is the last one
+SMALL: Final = 0.05  # of a deviation
+HALVINGS: Final = 6  # of a step that makes the errors larger
 MOST_SAMPLES: Final = 700_000  # that 2 GB hold: slopes, draws of noise and held values take 2 to 2.5 kB for each
 ORDER: Final = 30  # of A(q)
 START: Final = 60  # samples left out at the start at least, in which the controller's state is unknown
@@ -59,6 +63,9 @@ PARAMETER_UNITS: Final = (
     ("dead time", "s"),
     (DAMPING, "s"),
 )
+LARGEST_STEPS: Final = np.array([0.2, 0.3, 0.3])  # of mass, friction and length, times what they have come to
+LARGEST_DELAY_STEP: Final = 0.3  # of the dead time, times itself or, where that is longer, the sample time
+LARGEST_LAG_STEP: Final = 1e-3  # s, of the damping over stiffness
 # Of the numerical derivatives, in the order of PARAMETER_UNITS.
 DERIVATIVE_STEPS: Final = np.array([2e-3, 5e-3, 1e-2, 1e-5, 1e-5])
 # Relative change of stiffnesses and limits up to which the command changes in proportion.
@@ -107,7 +114,7 @@ class _Job:
 
 
 def identify(
-    record: Record, machine: Machine, *, friction_covariance: Array | None = None, iterations: int = 6
+    record: Record, machine: Machine, *, friction_covariance: Array | None = None, iterations: int = MOST_STEPS
 ) -> MotionFit:
     """Fits a motion record to the machine that is nominally known, its PID among it; see the module's head.
 
@@ -117,7 +124,7 @@ def identify(
     Damping of the elements is one time tau = D_i / K_i; it is taken only if BIC falls by ten and tau is surely above
     none. What the machine has of it is not used, nor is its offset: motions show both better.
     Raises ValueError if the record's sample time is another than the machine's, nothing moves, it is too long [s], or
-    the fit runs away or makes nothing of the command (an UnusableError).
+    the fit runs away, does not settle in so many iterations or makes nothing of the command (an UnusableError).
     """
     if record.position.size > MOST_SAMPLES:
         raise ValueError(
@@ -137,11 +144,11 @@ def identify(
     job = _Job(record, machine, still, begin(record), friction_covariance)
     theta, filter_ = _converged(job, np.array([1.0, 1.0, 1.0, machine.plant.dead_time]), iterations)
     near = _near(job, np.append(theta, 0.0), filter_)
-    plain, whole = _solved(near, PLAIN), _solved(near, DERIVATIVE_STEPS.size)
+    plain, whole = _solved(job, near, PLAIN), _solved(job, near, DERIVATIVE_STEPS.size)
     del near  # the next one is as large
     if _shows(plain, whole):
         theta, filter_ = _converged(job, whole.values[:-1], iterations)
-        plain = whole = _solved(_near(job, theta, filter_), DERIVATIVE_STEPS.size)
+        plain = whole = _solved(job, _near(job, theta, filter_), DERIVATIVE_STEPS.size)
     return _made(_told(job, plain, whole))
 
 
@@ -163,23 +170,71 @@ def begin(record: Record) -> int:
 
 
 def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
-    """theta (4,) or, with the damping, (5,) and A(q) by Gauss-Newton steps."""
-    filter_ = np.array([1.0, -1.0])
-    largest = np.array([0.2, 0.3, 0.3, 0.3 * job.record.sample_time, 1e-3])[: theta.size]
+    """theta (4,) or, with the damping, (5,) and A(q) by Gauss-Newton steps until these are small beside the deviations.
+    Raises UnusableError if a value that the record shows runs away, or the last step is not small."""
+    filter_, command = np.array([1.0, -1.0]), _simulated(job.record, job.still, theta)
+    small = False
     for iteration in range(iterations):
-        left, slopes = _linearised(job, theta)
+        left, slopes = _linearised(job, theta, command)
         for _ in range(2):  # A(q) and the step depend on each other
             white = job.whitened(filter_, np.column_stack([left, slopes]))
-            step = _estimator(white[:, 1:]) @ white[:, 0]
+            estimator = _estimator(white[:, 1:])
+            step = estimator @ white[:, 0]
             filter_ = _autoregression((left + slopes @ step)[job.first :])
-        moved = np.clip(step[:-1], -largest, largest)
-        theta = theta + moved
-        theta[4:] = np.maximum(theta[4:], 0.0)
-        if not (np.all(theta[:3] > 1 / FARTHEST) and np.all(theta[:3] < FARTHEST)):  # nor is it so of nan
-            raise UnusableError(_diverged(theta))
-        if iteration > 1 and np.all(np.abs(moved) < 1e-3 * DERIVATIVE_STEPS[: theta.size]):
+        size = float(np.std(white[:, 0] + white[:, 1:] @ step))
+        deviations = size * np.linalg.norm(estimator[: theta.size], axis=1)
+        moved = _bounded(job, theta, step[:-1])
+        moved[PLAIN:] = np.maximum(moved[PLAIN:], -theta[PLAIN:])  # there is no damping below none
+        ran = np.flatnonzero((deviations < LOOSE * theta)[:3] & _at_end(theta + moved))
+        if ran.size:
+            raise UnusableError(_diverged(theta + moved, int(ran[0])))
+        before = theta
+        theta, command = _stepped(job, theta, moved, filter_, command)
+        moved = theta - before
+        small = bool(np.all(np.abs(moved) <= SMALL * deviations))
+        settled = np.all(np.abs(moved) < 1e-3 * DERIVATIVE_STEPS[: theta.size])
+        if iteration > 1 and (settled or (small and iteration + 1 >= USUAL_STEPS)):
             break
+    if not small:
+        raise UnusableError(_unsettled(theta, moved / np.maximum(deviations, 1e-300), iterations))
     return theta, filter_
+
+
+def _bounded(job: _Job, theta: Array, step: Array) -> Array:
+    """A step (p,) from theta (p,), cut to what the linearised loop may hold for and to values that a machine has: mass,
+    friction and length up to FARTHEST, where one that the record does not show stays."""
+    delay = LARGEST_DELAY_STEP * max(job.record.sample_time, float(theta[3]))
+    largest = np.concatenate([LARGEST_STEPS * theta[:3], [delay, LARGEST_LAG_STEP]])[: theta.size]
+    moved = theta + np.clip(step, -largest, largest)
+    moved[:3] = np.clip(moved[:3], 1 / FARTHEST, FARTHEST)
+    return np.asarray(moved - theta)
+
+
+def _at_end(theta: Array) -> NDArray[np.bool_]:
+    """Which of mass, friction and length (3,) are as far away as they may get."""
+    return np.abs(np.log(theta[:3])) > (1 - 1e-9) * math.log(FARTHEST)
+
+
+def _stepped(job: _Job, theta: Array, moved: Array, filter_: Array, command: Array) -> tuple[Array, Array]:
+    """theta (p,) after a step and the command [N] simulated there, the step halved until the whitened errors do not
+    grow, by as much as would speak against a parameter at least. Raises UnusableError if they always do."""
+
+    def size(made: Array) -> float:
+        white = job.whitened(filter_, job.record.command - made)
+        return white.size * math.log(max(float(np.var(white)), 1e-300))
+
+    now = size(command)
+    for halving in range(HALVINGS):
+        there = theta + moved * 0.5**halving
+        try:
+            made = _simulated(job.record, job.still, there)
+        except UnusableError:
+            if halving == HALVINGS - 1:
+                raise
+            continue
+        if size(made) <= now + STRONG:
+            break
+    return there, made
 
 
 @dataclass(frozen=True)
@@ -209,9 +264,9 @@ class _Solution:
 
 
 def _near(job: _Job, theta: Array, filter_: Array) -> _Near:
-    left, slopes = _linearised(job, theta)
-    noisy = replace(job.machine, scale=job.machine.scale.noisy())
     clean = _simulated(job.record, job.still, theta)
+    left, slopes = _linearised(job, theta, clean)
+    noisy = replace(job.machine, scale=job.machine.scale.noisy())
     shaken = (_simulated(job.record, noisy, theta, seed) - clean for seed in range(1, NOISE_DRAWS + 1))
     # One by one, as all of them before and behind the filter would take twice the memory.
     many = ([job.whitened(filter_, one) for one in signals] for signals in (shaken, _unsure(job, theta)))
@@ -298,7 +353,7 @@ def _shapes(machine: Machine, covariance: Array) -> Iterator[tuple[Moved, float]
         yield partial(moved, direction), float(size)
 
 
-def _solved(near: _Near, parts: int) -> _Solution:
+def _solved(job: _Job, near: _Near, parts: int) -> _Solution:
     """The first `parts` and the offset identified, less their bias, with their covariance.
 
     Both by simulating the fitted loop with the scale's noise and rounding, through the estimator (a parametric
@@ -317,7 +372,9 @@ def _solved(near: _Near, parts: int) -> _Solution:
     by_noise = np.cov(draws) * (1 + 1 / NOISE_DRAWS) * max(1.0, float(np.var(error)) / max(noise, 1e-300))
     covariance = (np.cov(draws) * (1 + 1 / NOISE_DRAWS) + apart @ apart.T) * max(1.0, size)
     covariance = wider(covariance, left_out(slopes, near.left, _parts(near.phase, slopes)))
-    return _Solution(np.append(near.theta[:parts], 0.0) + step - np.mean(draws, axis=1), covariance, by_noise, error)
+    step = step - np.mean(draws, axis=1)
+    theta = near.theta[:parts] + _bounded(job, near.theta[:parts], step[:-1])
+    return _Solution(np.append(theta, step[-1]), covariance, by_noise, error)
 
 
 def _shows(plain: _Solution, whole: _Solution) -> bool:
@@ -366,8 +423,8 @@ def _changed(machine: Machine, theta: Array) -> Machine:
     return replace(changed, plant=replace(changed.plant, dead_time=max(dead_time, 0.0)), friction=damped)
 
 
-def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
-    """u - u_sim (n,) [N] and its slopes (n, p + 1) by theta (p,) and by the offset."""
+def _linearised(job: _Job, theta: Array, command: Array) -> tuple[Array, Array]:
+    """u - u_sim (n,) [N] and its slopes (n, p + 1) by theta (p,) and by the offset; command: u_sim at theta [N]."""
     slopes = []
     for i, step in enumerate(DERIVATIVE_STEPS[: theta.size]):
         ends = [theta + sign * step * (np.arange(theta.size) == i) for sign in (1, -1)]
@@ -375,7 +432,7 @@ def _linearised(job: _Job, theta: Array) -> tuple[Array, Array]:
             ends[1] = np.maximum(ends[1], 0.0)  # there is no damping below none
         more, less = (_simulated(job.record, job.still, end) for end in ends)
         slopes.append((less - more) / (ends[0][i] - ends[1][i]))
-    left = job.record.command - _simulated(job.record, job.still, theta)
+    left = job.record.command - command
     return left, np.column_stack([*slopes, -np.ones(left.size)])
 
 
@@ -393,12 +450,24 @@ def _simulated(record: Record, machine: Machine, theta: Array, seed: int = 0) ->
     return command
 
 
-def _diverged(theta: Array) -> str:
-    """What to say where no machine close to the known one reproduces the motions."""
-    mass, level, length = theta[:3].tolist()
+def _diverged(theta: Array, which: int | None = None) -> str:
+    """What to say where no machine close to the known one reproduces the motions: which of mass, friction and length
+    ran away, by default the one that is farthest from what is known."""
+    which = int(np.argmax(np.abs(np.log(np.maximum(theta[:3], 1e-300))))) if which is None else which
     return (
-        f"the fit of its motions does not converge: it has come to {mass:.3g} times the mass, {level:.3g} times the "
-        f"friction's force and {length:.3g} times its length"
+        f"the fit of its motions does not converge: the {PARAMETER_UNITS[which][0]} runs away, to {theta[which]:.3g} "
+        "times that of the machine file"
+    )
+
+
+def _unsettled(theta: Array, moved: Array, iterations: int) -> str:
+    """What to say where the last step still moved values by so many deviations (p,)."""
+    which = int(np.argmax(np.abs(moved)))
+    name, unit = PARAMETER_UNITS[which]
+    come = f"{theta[which]:.3g} times that of the machine file" if unit == "1" else show(float(theta[which]), unit, 3)
+    return (
+        f"the fit of its motions has not settled after {iterations} steps: the {name} has come to {come}, and the last "
+        f"step still moved it by {abs(moved[which]):.2g} standard deviations"
     )
 
 
