@@ -206,9 +206,10 @@ def _force(fit: ForceFit) -> dict[str, Any]:
 def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
     """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
+    bending = replace(DYNAMICS, bent=True, likely_delay=fit.estimate.value("delay"))
     simple, bent = (
         by_elements.identify(record, replace(terms, effects=fit.effects), pass_band=fit.pass_band, fit_until=half)
-        for terms in (BY_DIRECTION, replace(DYNAMICS, bent=True))
+        for terms in (BY_DIRECTION, bending)
     )
     fits = (
         ("elements and viscous friction by direction", simple),

@@ -40,6 +40,7 @@ from models.identification.force.linear import (
 )
 from models.identification.force.signals import SMOOTHING, Signals, Terms, filtered, limit_range, memory_ends, passes
 from models.identification.unusable import UnusableError
+from models.quantity import show
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -53,8 +54,10 @@ SPACING: Final = 1.25  # least ratio of two neighbouring limits
 TOGETHER: Final = 16
 AT_END: Final = 0.95  # of the longest limit looked at: an element from there on may be longer
 LONGER: Final = 2.0  # times as long as the search went, such an element is taken to be
-LAG_RANGE: Final = (np.array([-5.0, -5.0]), np.array([5.0, 100.0]))  # sample times
-LAG_ORIGIN: Final = 10.0  # sample times; steps of 1e-3 from there on are as long near no lag as elsewhere
+TAU_RANGE: Final = (-5.0, 100.0)  # sample times
+DELAY_RANGE: Final = 5.0  # sample times to either side of the likely delay, and
+DELAY_PERIODS: Final = 0.25  # of the pass band's highest frequency, where that is longer
+LAG_ORIGIN: Final = 5.0  # sample times below the least lag; steps of 1e-3 from there on are about as long everywhere
 
 
 def identify(
@@ -64,7 +67,8 @@ def identify(
 
     pass_band [Hz] of the low-pass; fit_until [s]: later samples are kept for judging. The elements' state is unknown
     until the path has turned after its first span, so the fit begins there.
-    Raises ValueError for a record that can't show friction, an UnusableError for one that shows none.
+    Raises ValueError for a record that can't show friction, an UnusableError for one that shows none, or whose delay is
+    farther from the likely one than was sought.
     """
     plain = _fitted(record, replace(terms, damped=False), pass_band, fit_until, most)
     if not terms.damped:
@@ -72,10 +76,11 @@ def identify(
     damped = _fitted(record, terms, pass_band, fit_until, most)
     lag = damped.estimate.value(DAMPING), damped.estimate.deviation(DAMPING)
     freed = _lag_beside_the_scale(prepared(record, terms, pass_band, fit_until), damped)
-    least = min((lag, freed), key=lambda one: one[0] / one[1])
+    both = lag[0], math.hypot(lag[1], lag[0] - freed[0])  # as far as the two are apart
+    least = min((lag, freed, both), key=lambda one: one[0] / one[1])
     before, after = (fit.criterion[len(fit.friction.limit)] for fit in (plain, damped))
     if after > before - STRONG or least[0] <= SIGNIFICANT_STDS * least[1]:
-        return replace(plain, lag=least)
+        return replace(plain, lag=min((lag, freed), key=lambda one: one[0] / one[1]))
     covariance, where = damped.estimate.covariance.copy(), damped.estimate.names.index(DAMPING)
     covariance[where, where] += (lag[0] - freed[0]) ** 2
     lag = lag[0], float(np.sqrt(covariance[where, where]))
@@ -85,7 +90,7 @@ def identify(
 def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, most: int) -> ForceFit:
     """Elements by BIC with all that `terms` name."""
     data = prepared(record, terms, pass_band, fit_until)
-    limits, lags = np.zeros(0), np.zeros(2)
+    limits, lags = np.zeros(0), np.array([terms.likely_delay if terms.delay else 0.0, 0.0])
     best = linear_solution(data, limits, lags)
     criterion = [best[2]]
     grid = np.geomspace(*limit_range(data), GRID_LIMITS)
@@ -108,6 +113,7 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
             "no friction element takes anything away from the force, as on an axis without friction; else check signs, "
             "or record a reversal"
         )
+    _check_delay(data, float(lags[0]))
     found = _answer(data, limits, lags, tuple(criterion))
     apart = []
     for smoothing in SMOOTHING[1:]:
@@ -126,6 +132,22 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
         covariance[-1, -1] += float(limits[-1]) ** 2 / 3
     estimate = replace(found.estimate, covariance=covariance)
     return replace(found, estimate=estimate, remembered=remembered, short=short, pass_band=pass_band)
+
+
+def _check_delay(data: Signals, delay: float) -> None:
+    """Raises UnusableError for a delay [s] at the end of what was sought."""
+    likely, reach = data.terms.likely_delay, _delay_reach(data)
+    if data.terms.delay and abs(delay - likely) > AT_END * reach:
+        raise UnusableError(
+            f"its motion comes {show(delay, 's', 3)} after the command, or more: sought was up to "
+            f"{show(reach, 's', 3)} to either side of {show(likely, 's', 3)}, which the dead time of the machine file makes with the hold; "
+            "correct it, or the time of the columns"
+        )
+
+
+def _delay_reach(data: Signals) -> float:
+    """How far from the likely delay it is sought [s]: the low-pass leaves nothing that turns round faster."""
+    return max(DELAY_RANGE * data.sample_time, DELAY_PERIODS / data.highest)
 
 
 def _remembered(data: Signals, found: ForceFit) -> tuple[float, bool]:
@@ -170,18 +192,19 @@ def _with_element(data: Signals, limits: Array, lags: Array, grid: Array, candid
 
 def _refined(data: Signals, limits: Array, lags: Array) -> tuple[Array, Array]:
     """Limits and LAGS [s] by least squares on what the linear part leaves."""
-    ts, count, free = data.sample_time, limits.size, data.terms.lags
+    ts, count, free, likely = data.sample_time, limits.size, data.terms.lags, data.terms.likely_delay / data.sample_time
+    reach = _delay_reach(data) / ts
+    least, most = np.array([[likely - reach, TAU_RANGE[0]], [likely + reach, TAU_RANGE[1]]])[:, free]
+    origin = LAG_ORIGIN - least
 
     def split(theta: Array) -> tuple[Array, Array]:
         shift = np.zeros(2)
-        shift[free] = (theta[count:] - LAG_ORIGIN) * ts
+        shift[free] = (theta[count:] - origin) * ts
         return np.exp(theta[:count]), shift
 
     low, high = np.log(limit_range(data)[0] / 2), np.log(limit_range(data)[1] * 1.05)
-    bounds = tuple(
-        np.append(np.full(count, end), lag[free] + LAG_ORIGIN) for end, lag in zip((low, high), LAG_RANGE, strict=True)
-    )
-    start = np.clip(np.append(np.log(limits), lags[free] / ts + LAG_ORIGIN), *bounds)
+    bounds = tuple(np.append(np.full(count, end), lag + origin) for end, lag in ((low, least), (high, most)))
+    start = np.clip(np.append(np.log(limits), lags[free] / ts + origin), *bounds)
     columns = kept_columns(data, count)
     size = math.sqrt(float(np.mean(linear_solution(data, limits, lags)[1] ** 2)))  # the search ends at absolute slopes
 
@@ -224,6 +247,7 @@ def _answer(data: Signals, limits: Array, lags: Array, criterion: tuple[float, .
 
 def _lag_beside_the_scale(data: Signals, found: ForceFit) -> tuple[float, float]:
     """Tau and its standard deviation [s] by one step from a fit, with a gain of the reading of its own for every pass.
+    A step out of the range says that the gains leave it open: then it is the fit's, with a deviation as wide as that.
 
     Over one pass, a periodic error of the scale is a gain (and an offset, which no force shows); passes of other places
     or lengths have other ones. Those at other speeds look like damping where the gains are not free.
@@ -243,4 +267,6 @@ def _lag_beside_the_scale(data: Signals, found: ForceFit) -> tuple[float, float]
     step = np.linalg.lstsq(whole, left, rcond=None)[0]
     covariance = newey_west(whole, left - whole @ step, TOGETHER)
     where = found.estimate.names.index(DAMPING)
-    return float(shift[1] + step[where] / size[where]), float(np.sqrt(covariance[where, where]) / size[where])
+    freed, std = float(shift[1] + step[where] / size[where]), float(np.sqrt(covariance[where, where]) / size[where])
+    least, most = (end * data.sample_time for end in TAU_RANGE)
+    return (freed, std) if least <= freed <= most else (float(shift[1]), most)

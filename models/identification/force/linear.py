@@ -62,6 +62,7 @@ def prepared(
         keep * ts <= fit_until,
         low,
         scipy.signal.sosfilt_zi(low),
+        pass_band,
         terms,
     )
     return replace(data, beside=beside_elements(data, 0.0))

@@ -43,9 +43,9 @@ class Terms:
     identified or absent.
 
     by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
-    less than in proportion; spring: to ground, a part k x; delay: the position answers a delay after the command
-    (known_delay [s] beside it, with its standard deviation). damped: damping of the elements is sought, and taken only
-    if BIC falls by ten.
+    less than in proportion; spring: to ground, a part k x; delay: the position answers a delay after the command,
+    sought from `likely_delay` [s] on (known_delay [s] beside it, with its standard deviation). damped: damping of the
+    elements is sought, and taken only if BIC falls by ten.
     """
 
     mass: float | None = None
@@ -56,6 +56,7 @@ class Terms:
     bent: bool = False
     spring: bool = False
     delay: bool = False
+    likely_delay: float = 0.0
     known_delay: float = 0.0
     known_delay_std: float = 0.0
     damped: bool = False
@@ -69,7 +70,7 @@ class Terms:
 @dataclass(frozen=True)
 class Signals:
     """Filtered signals at all samples, and which of them are kept; step [m]: the finest of the reading; pass_band:
-    sections of the low-pass, at_rest: their state at a constant 1; beside: what
+    sections of the low-pass, at_rest: their state at a constant 1, highest [Hz]: its end; beside: what
     `beside_elements` gives at the known delay."""
 
     sample_time: float
@@ -80,6 +81,7 @@ class Signals:
     fitted: NDArray[np.bool_]
     pass_band: Array
     at_rest: Array
+    highest: float
     terms: Terms
     beside: tuple[Array, Array] | None = None
 

@@ -60,7 +60,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
             "or name its kind excitation if a sweep or a multisine acts while it rolls"
         )
     band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
-    terms = replace(DYNAMICS, effects=along_the_path(found.machine))
+    likely = found.machine.plant.dead_time + lag_of(found.machine) + 0.5 * record.sample_time
+    terms = replace(DYNAMICS, effects=along_the_path(found.machine), likely_delay=likely)
     fit = by_elements.identify(record, terms, pass_band=band, fit_until=half_of(record))
     if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
         raise ValueError(

@@ -236,8 +236,8 @@ def on_damping(fit: ForceFit) -> str:
         return "The record neither shows nor bounds damping of the elements: the axis crosses their range too quickly."
     return (
         f"The record does not show damping of the elements: it is too slow, {1e3 * speed:.2g} mm/s at most, to tell "
-        f"{time:.2g} ms times K from none; by {SIGNIFICANT_STDS:g} standard deviations D is at most {most:.2g} "
-        f"ms times K, which leads the deflection by {most * speed * 1e3:.2g} µm there."
+        f"{f'{time:.2g} ms times K' if time > 0 else 'any'} from none; by {SIGNIFICANT_STDS:g} standard deviations D "
+        f"is at most {most:.2g} ms times K, which leads the deflection by {most * speed * 1e3:.2g} µm there."
     )
 
 

@@ -9,10 +9,12 @@ import pytest
 from scipy.signal import cheby1, sosfilt_zi, sosfiltfilt
 
 from models.friction import branch, deflections, elements, follow
-from models.identification.force.by_elements import _fitted, identify
+from models.identification.force import by_elements
+from models.identification.force.by_elements import _fitted, _lag_beside_the_scale, identify
 from models.identification.force.fit import DAMPING
-from models.identification.force.linear import FEWEST
+from models.identification.force.linear import FEWEST, prepared, slopes
 from models.identification.force.signals import Terms, fast_band, slow_band, there_and_back
+from models.identification.unusable import UnusableError
 from models.records.record import Record
 
 FORCE = 4.0  # N
@@ -104,6 +106,24 @@ def test_the_low_pass_is_scipy_s_to_the_last_digit(band: float, shape: tuple[int
     assert np.array_equal(found, sosfiltfilt(sections, walk, axis=0))
 
 
+@pytest.mark.parametrize("late", [8, 16])
+def test_a_delay_of_many_samples_is_found_beside_the_likely_one(late: int) -> None:
+    """At 10 kHz the delay had ended at five samples, and 12 kg came out as 12.4 with no word on it."""
+    given, likely = strokes(0.1, 0.05, 1e-4), 1e-3
+    few = elements(10 / np.geomspace(20e-6, 60e-6, 2), np.geomspace(20e-6, 60e-6, 2))
+    force = follow(few, given.position)[0] + 12 * np.gradient(np.gradient(given.position, 1e-4), 1e-4)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(force.size)
+    record = replace(given, command=np.append(force[late:], np.full(late, force[-1])) + noise)
+    terms = Terms(viscous=True, delay=True, likely_delay=likely)
+    found = identify(record, terms, pass_band=100.0, fit_until=0.8).estimate
+    assert found.value("delay") == pytest.approx(late * 1e-4, abs=1e-5)
+    assert found.value("mass") == pytest.approx(12.0, rel=2e-3)
+    with pytest.raises(
+        UnusableError, match=r"after the command, or more: sought was up to 500 µs to either side of 5 m"
+    ):
+        identify(record, replace(terms, likely_delay=5e-3), pass_band=500.0, fit_until=0.8)
+
+
 FEW = elements(0.8 / np.geomspace(3e-6, 25e-6, 5), np.geomspace(3e-6, 25e-6, 5))
 
 
@@ -138,3 +158,20 @@ def test_damping_beside_an_error_of_the_scale_is_within_its_deviation(error: flo
     assert found.lag is not None
     assert abs(found.lag[0] - 5e-3) < 3 * found.lag[1]
     assert found.lag[1] == pytest.approx(found.estimate.deviation(DAMPING))
+
+
+def test_damping_on_which_the_gains_of_passes_disagree_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was taken where each of the two is sure: then "0.0445 ms times K, with a deviation of 5.3 ms" was printed."""
+    monkeypatch.setattr(by_elements, "_lag_beside_the_scale", lambda *_: (20e-3, 1e-4))
+    found = identify(read_by(0.0, 100e-6, 5e-3), Terms(mass=0.0, damped=True), pass_band=20.0, most=2)
+    assert not found.damped
+
+
+def test_a_step_that_the_gains_of_passes_leave_open_is_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With columns that depend on each other it had come to -9.1e8 ms, which was printed, or passed for a bound."""
+    record, terms = read_by(0.0, 100e-6, 5e-3), Terms(mass=0.0, damped=True)
+    fit = _fitted(record, terms, 20.0, np.inf, 2)
+    weak = np.where(np.array(fit.estimate.names) == DAMPING, 1e-9, 1.0)
+    monkeypatch.setattr(by_elements, "slopes", lambda *given: slopes(*given) * weak)
+    freed = _lag_beside_the_scale(prepared(record, terms, 20.0, np.inf), fit)
+    assert freed == pytest.approx((fit.estimate.value(DAMPING), 100 * record.sample_time))
