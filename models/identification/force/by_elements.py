@@ -140,7 +140,8 @@ def _check_delay(data: Signals, delay: float) -> None:
     if data.terms.delay and abs(delay - likely) > AT_END * reach:
         raise UnusableError(
             f"its motion comes {show(delay, 's', 3)} after the command, or more: sought was up to "
-            f"{show(reach, 's', 3)} to either side of {show(likely, 's', 3)}, which the dead time of the machine file makes with the hold; "
+            f"{show(reach, 's', 3)} to either side of {show(likely, 's', 3)}, which the dead time of the machine file "
+            "makes with the hold; "
             "correct it, or the time of the columns"
         )
 
