@@ -94,7 +94,10 @@ def fit(measured: FrequencyResponse, *, count: int | None = None, spring: Spring
     """
     f = measured.frequency
     if f.size < FEWEST_LINES:
-        raise ValueError(f"{f.size} lines are too few to fit modes; measure {FEWEST_LINES} at least")
+        raise ValueError(
+            f"{f.size} lines are too few to fit modes; measure {FEWEST_LINES} at least, or name its kind if it is no "
+            "excitation"
+        )
     if measured.rolling:
         return _fit([measured], [np.ones(f.size, bool)], count, spring)
     lowest = float(f[0])

@@ -54,6 +54,9 @@ SKIRT: Final = 0.02  # of the sweep's time below its lowest line and above its h
 LED: Final = 0.9  # coherence of command and sweep: below, feedback of the noise leads the command
 BEFORE: Final = 0.95  # of the frequency at which a sweep comes by again: its skirt is there earlier
 SWEEP_END_NYQUIST_SHARE: Final = 0.8  # of half the rate: a sweep that gets there may have gone on beyond
+# Of both energies, below which a signal and the same one some samples later are alike, and from which on they differ.
+ALIKE, UNLIKE = 1e-6, 0.5
+SHORTEST: Final = 8  # samples of a period, at least
 SEEN: Final = 0.5  # coherence of position and sweep: below, the position moves by less than the scale resolves
 
 
@@ -97,15 +100,28 @@ def period(signal: Array) -> int | None:
     if active.size < 32:
         return None
     s = signal[active[0] : active[-1] + 1]
-    n = s.size
+    s, n = s - np.mean(s), s.size
     spectrum = np.fft.rfft(s, 2 * n)
     product = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
     energy = np.concatenate([[0.0], np.cumsum(s**2)])
     lag = np.arange(1, n // 2)
-    apart = energy[n - lag] + energy[n] - energy[lag] - 2 * product[lag]
-    repeats = lag[apart < 1e-6 * energy[n]]
-    repeats = repeats[repeats > 8]
+    both = energy[n - lag] + energy[n] - energy[lag]
+    apart = both - 2 * product[lag]
+    other = np.logical_or.accumulate(apart > UNLIKE * both)  # before, a smooth signal has hardly changed
+    repeats = lag[(apart < ALIKE * energy[n]) & other & (lag > SHORTEST)]
     return int(repeats[0]) if repeats.size else None
+
+
+def repeated_span(signal: Array, length: int) -> tuple[int, int]:
+    """(first, stop) sample of a signal (n,) [any unit] that repeats every `length` samples, with the zeros at both ends
+    that belong to its periods."""
+    active = np.flatnonzero(np.abs(signal) > 0)
+    first, stop = int(active[0]), int(active[-1]) + 1
+    inner = np.flatnonzero(signal[first + length - 1 : first : -1])
+    before = min(int(inner[0]) if inner.size else 0, first)
+    behind = np.flatnonzero(signal[max(stop - length, 0) : stop])
+    after = min(int(behind[0]) if behind.size else 0, signal.size - stop)
+    return first - before, stop + after
 
 
 def measured(record: Record, windows: int = 15, *, sprung: bool = False) -> FrequencyResponse:
@@ -145,9 +161,9 @@ def _repeated(record: Record, length: int) -> FrequencyResponse:
     The lines between show the noise. What is not the same at both ends, such as a mode that still rings, is left in
     X / U. Raises ValueError for less than two periods behind the first one, in which the response was not periodic yet.
     """
-    active, ts = np.flatnonzero(np.abs(record.feedforward) > 0), record.sample_time
-    first = int(active[0]) + length
-    count = (int(active[-1]) + 1 - first) // length
+    ts, (first, stop) = record.sample_time, repeated_span(record.feedforward, length)
+    first += length
+    count = (stop - first) // length
     if count < 2:
         raise ValueError("the excitation repeats less than three times; record more periods of it")
     part = record.part(first, first + count * length)

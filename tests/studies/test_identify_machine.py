@@ -27,6 +27,7 @@ from models.machine import DEFAULT, Machine, load, parameters, with_derived_pres
 from models.machine_file import to_toml
 from models.records.files import Loaded
 from models.records.record import Record
+from models.records.tables.sizes import RecordError
 from reports import text
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DESIGN
@@ -103,6 +104,34 @@ def test_an_excitation_that_does_not_repeat_is_recognised_by_the_straight_refere
     assert recognised(table, Loaded("started", "", started, (), ())) == "excitation"
     slow = own_records.hysteresis(table, 1)
     assert recognised(table, Loaded("slow", "", replace(slow, feedforward=0.1 * slow.command), (), ())) == "hysteresis"
+
+
+def test_strokes_that_are_repeated_under_their_own_feedforward_are_no_excitation() -> None:
+    """They had been taken for one, of which 11 lines are too few to fit modes."""
+    table, time = load(), np.arange(6000) / 2e3
+    reference = 0.02 * np.sin(2 * np.pi * time) ** 3
+    mass = 1 / table.plant.rigid_gain
+    rest = np.zeros(time.size)
+    force = mass * np.gradient(np.gradient(reference, time), time) + 5 * np.sign(np.gradient(reference))
+    record = Record(5e-4, rest, reference, np.append(force[2:], force[:2]), force, reference)
+    assert recognised(table, Loaded("strokes", "", record, (), ())) == "dynamics"
+    beside = np.tile(np.random.default_rng(1).standard_normal(500), 12)
+    assert recognised(table, Loaded("beside", "", replace(record, feedforward=beside), (), ())) == "excitation"
+
+
+@pytest.mark.parametrize("count", [12, 200])
+def test_a_record_shorter_than_the_usual_average_is_recognised_or_refused(count: int) -> None:
+    """At 20 kHz a record of 10 ms ended in an error of NumPy."""
+    table, time = load(), np.arange(count) / 2e4
+    position = 20e-6 * np.sin(2 * np.pi * 100 * time)
+    rest = np.zeros(count)
+    command = np.gradient(np.gradient(position, time), time) / table.plant.rigid_gain
+    record = Loaded("short.csv", "", Record(5e-5, rest, position, rest, command, position), (), ())
+    if count == 12:
+        with pytest.raises(RecordError, match=r"short\.csv: 12 samples are too few to tell slow loops"):
+            recognised(table, record)
+    else:
+        assert recognised(table, record) == "dynamics"
 
 
 @pytest.mark.parametrize("rate", [2e3, 2e4])

@@ -347,6 +347,21 @@ def test_the_period_of_an_excitation() -> None:
     wave = np.random.default_rng(0).standard_normal(100)
     assert response.period(np.concatenate([np.zeros(50), np.tile(wave, 5)])) == 100
     assert response.period(np.random.default_rng(0).standard_normal(500)) is None
+    time = np.linspace(0, 1, 20_000)
+    assert response.period(np.sin(2 * np.pi * time) + time) is None  # smooth: it had repeated every nine samples
+    assert response.period(120 + 0.2 * np.sign(np.sin(2 * np.pi * 2 * time + 0.1))) is None  # as a weight had, too
+
+
+def test_periods_that_begin_with_zeros_are_all_counted() -> None:
+    """A chirp by a sine begins with 0: of three periods the last sample was missing, which were then too few."""
+    wave = np.append(np.zeros(2), np.random.default_rng(0).standard_normal(97))
+    wave = np.append(wave, 0.0)
+    for head, tail in ((0, 0), (50, 0), (50, 30)):
+        signal = np.concatenate([np.zeros(head), np.tile(wave, 3), np.zeros(tail)])
+        assert response.period(signal) == 100
+        first, stop = response.repeated_span(signal, 100)
+        assert stop - first >= 300
+        assert abs(first - head) <= 3
 
 
 def test_newey_west_is_right_for_white_and_for_coloured_errors() -> None:
