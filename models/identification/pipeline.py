@@ -37,6 +37,10 @@ UNSOLVED: Final = (
     "no machine close to that of the machine file reproduces this record, taken as {kind}; check its units and signs, "
     "and mass, friction and control of the machine file"
 )
+FAILED: Final = (
+    'the method for records of the kind {kind} fails on it, in the words of its library: "{words}"; check its columns '
+    "and units, or name its kind; where these are right, that is a fault of this program"
+)
 
 
 def identify(
@@ -95,7 +99,8 @@ def identify(
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # ends in a refusal, not in warnings
                 found = _METHODS[kind](found, kind, one, settings)
         except ValueError as error:
-            why = str(error) if (ours := _is_ours(error)) else UNSOLVED.format(kind=kind)
+            unsolved = UNSOLVED if kind == "motion" else FAILED  # which alone asks for a machine that is close
+            why = str(error) if (ours := _is_ours(error)) else unsolved.format(kind=kind, words=error)
             came_to_nothing = isinstance(error, UnusableError) or not ours
             if not (came_to_nothing and _beside_others(kind, found, [kind for kind, _ in queue[i + 1 :]])):
                 raise RecordError(f"{one.name}: {why}") from error

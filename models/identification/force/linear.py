@@ -30,14 +30,16 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 FEWEST: Final = 40  # samples, below which a zero-phase filter has no room
+MIN_FITTED_SHARE: Final = 0.25  # of the samples kept, that an earlier part of a record must have to be fitted alone
 LAGS: Final = ("delay", DAMPING)  # parameters beside the limits [s]
 
 
 def prepared(
     record: Record, terms: Terms, pass_band: float, fit_until: float, smoothing: float = SMOOTHING[0]
 ) -> Signals:
-    """The signals of a record through the pass band [Hz], fitted up to fit_until [s]; smoothing [1]: the path's
-    low-pass over it. Raises ValueError for a record that can't show friction."""
+    """The signals of a record through the pass band [Hz], fitted up to fit_until [s], or where hardly any sample is
+    kept before, to half of them; smoothing [1]: the path's low-pass over it. Raises ValueError for a record that can't
+    show friction."""
     ts = record.sample_time
     if np.ptp(record.position) == 0 or np.ptp(record.command) == 0:
         raise ValueError("position or command is constant: the record shows no friction; record slow reversals")
@@ -52,6 +54,9 @@ def prepared(
     keep = np.arange(start, record.position.size - edge, stride)
     if keep.size < 40:
         raise ValueError("too little is left after the first reversal; record two slow loops or more")
+    fitted = keep * ts <= fit_until
+    if np.count_nonzero(fitted) < MIN_FITTED_SHARE * keep.size:  # strokes that grow: their memory ends late
+        fitted = np.arange(keep.size) < keep.size // 2
     force = np.asarray(record.command, float)
     data = Signals(
         ts,
@@ -59,7 +64,7 @@ def prepared(
         force,
         finest_step(record.position),
         keep,
-        keep * ts <= fit_until,
+        fitted,
         low,
         scipy.signal.sosfilt_zi(low),
         pass_band,

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from models.effects.friction_laws import ViscousFriction
 from models.identification import motion
 from models.identification.estimate import Estimate
+from models.identification.force import by_elements
 from models.identification.into_machine import Found, holdable, with_drag, with_inertia, with_offset
 from models.identification.joint.response_records import on_what_is_between
 from models.identification.joint.steps import ForceStep
@@ -187,6 +188,16 @@ def test_the_words_of_a_library_are_replaced(monkeypatch: pytest.MonkeyPatch) ->
     record = Loaded("flat.csv", "0", own_records.motions(MACHINE, 1), (), ())
     with pytest.raises(RecordError, match=r"flat\.csv: no machine close to that of the machine file reproduces"):
         identify(MACHINE, [record], kinds=["motion"])
+
+
+def test_a_fault_in_a_method_that_needs_no_close_machine_is_told_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A programming error had been blamed on the units, the signs and the mass in the machine file."""
+    monkeypatch.setattr(by_elements, "identify", lambda *_, **__: np.zeros(3) @ np.zeros(4))
+    record = Loaded("slow.csv", "0", own_records.hysteresis(MACHINE, 1), (), ())
+    with pytest.raises(
+        RecordError, match=r'slow\.csv: the method for records of the kind hysteresis fails on it, .*"matmul'
+    ):
+        identify(MACHINE, [record], kinds=["hysteresis"])
 
 
 def test_no_record_leaves_the_machine_but_for_what_was_published_of_it() -> None:

@@ -124,6 +124,19 @@ def test_a_delay_of_many_samples_is_found_beside_the_likely_one(late: int) -> No
         identify(record, replace(terms, likely_delay=5e-3), pass_band=500.0, fit_until=0.8)
 
 
+def test_strokes_that_grow_are_fitted_where_the_memory_has_ended() -> None:
+    """The farthest one comes behind the part that is fitted: no sample was left, which NumPy told."""
+    given = strokes(0.1, 0.05, 1e-3)
+    grown = np.concatenate([size * given.position for size in (1.0, 1.5, 2.0)])
+    few = elements(10 / np.geomspace(20e-6, 60e-6, 2), np.geomspace(20e-6, 60e-6, 2))
+    force = follow(few, grown)[0] + 12 * np.gradient(np.gradient(grown, 1e-3), 1e-3)
+    noisy = force + 1e-3 * np.random.default_rng(1).standard_normal(force.size)
+    record = Record(1e-3, grown, grown, np.zeros(force.size), noisy, grown)
+    found = identify(record, Terms(), pass_band=100.0, fit_until=0.5 * grown.size * 1e-3)
+    assert found.estimate.value("mass") == pytest.approx(12.0, rel=0.02)
+    assert 0.3 < np.mean(found.used) < 0.7
+
+
 FEW = elements(0.8 / np.geomspace(3e-6, 25e-6, 5), np.geomspace(3e-6, 25e-6, 5))
 
 
