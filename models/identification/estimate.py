@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 MIN_CONFUSING_CORRELATION: Final = 0.95  # correlation from which on two parameters can hardly be told apart
 STRONG: Final = 10.0  # by which BIC must fall for a parameter more: strong evidence (Kass and Raftery, 1995)
 MAX_TOLD_RELATIVE_STD: Final = 10.0  # times its value: beyond, a deviation's share of it says nothing
+LEAST_STD: Final = 1e-120  # any unit: none, whose square still is a number, and the sum of its inverses
 LOOSE: Final = 0.5  # relative standard deviation from which on a record does not show a parameter
 
 
@@ -81,10 +82,11 @@ def combined(found: Sequence[tuple[float, float]]) -> tuple[float, float, float]
     if len(found) == 1:
         return *found[0], 0.0  # to the last digit
     values, stds = (np.array(column) for column in zip(*found, strict=True))
-    weights = 1 / np.maximum(stds, 1e-300) ** 2
+    stds = np.maximum(stds, LEAST_STD)
+    weights = 1 / stds**2
     mean = float(weights @ values / np.sum(weights))
     chi_square = float(weights @ (values - mean) ** 2) / max(values.size - 1, 1)
-    between = np.abs(values[:, None] - values) / np.maximum(np.hypot(stds[:, None], stds), 1e-300)
+    between = np.abs(values[:, None] - values) / np.hypot(stds[:, None], stds)
     return mean, float(np.sqrt(max(1.0, chi_square) / np.sum(weights))), float(np.max(between))
 
 

@@ -28,6 +28,7 @@ TRUST: Final = "if the record is right as it is, give --trust-records (in Python
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 MIN_DIAGNOSIS_SAMPLES: Final = 1000  # samples that a diagnosis needs, of all records together
+AT_LIMIT: Final = 0.99  # of the rated thrust, from which on a command that stands at its extreme is at the limit
 SIGNALS: Final = ("target", "reference", "feedforward", "command", "position")  # of a record
 SAME_TIME: Final = 1e-3  # relative difference between a record's sample time and the machine's that is tolerated
 STILL: Final = 5.0  # steps of the scale: a position that stays within them does not count as moving
@@ -73,9 +74,9 @@ class Facts:
     rotary: bool | None = None
 
     def seen_in(self, record: Record) -> Facts:
-        """Without the controller for a record that has not all of its samples, from which it can't be replayed."""
-        slower = self.sample_time is not None and record.sample_time > (1 + SAME_TIME) * self.sample_time
-        return replace(self, pid=None) if slower else self
+        """Without the controller for a record that has another rate than it, from which it can't be replayed."""
+        other = self.sample_time is not None and not is_at_rate(record, self.sample_time)
+        return replace(self, pid=None) if other else self
 
 
 def findings(record: Record, given: Iterable[str], facts: Facts) -> tuple[str, ...]:
@@ -356,7 +357,8 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
     top = float(np.max(np.abs(u)))
     at_top = np.abs(np.abs(u) - top) < 1e-9 * top
     together = np.convolve(at_top, np.ones(SATURATED), "valid") >= SATURATED
-    if np.any(together) and np.ptp(np.diff(u)) > 0:
+    rated = limit is not None and top >= AT_LIMIT * limit
+    if np.any(together) and np.ptp(np.diff(u)) > 0 and (rated or not _stands_elsewhere(u, at_top)):
         yield (
             f"The command is saturated: {int(np.sum(at_top))} samples stand at its extreme of {show(top, 'N')}; "
             "the drive may not have followed there, so cut those parts out."
@@ -367,6 +369,15 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
             f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive may not have "
             "followed there, so cut those parts out if it did not."
         )
+
+
+def _stands_elsewhere(command: Array, at_top: NDArray[np.bool_]) -> bool:
+    """Whether a command (n,) also stands still at other levels than its extreme and one at rest, as a coarse one does;
+    at_top (n,): where it is at the extreme."""
+    same = np.diff(command) == 0
+    stands = np.convolve(same, np.ones(SATURATED - 1), "valid") >= SATURATED - 1
+    levels = command[: stands.size][stands & ~at_top[: stands.size]]
+    return bool(np.unique(levels).size > 1)
 
 
 def _step(record: Record) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Which column of a file holds which signal of a record, in which unit, by which factor: a table, not code.
 
 An entry is "NAME [unit] * factor": "position_m", "qm [mm]", "vir [V] * 35.15 N/V", "-1" as a factor turns a sign.
+A name may have an index in brackets, "Axes[1].ActPos [mm]"; behind one at its end the unit must stand.
 The factor may hold the unit of what is counted: "xist * 5 nm", "current * 31.5 N/A", "torque * 16.3 N/%", and of the
 time "sample * 250 us", or "row * 250 us" for the count of the rows. What states no unit is in the file's, or else in
 SI. A signal of several motors or encoders is the sum of their columns: "I_1 * 48 N/A + I_2 * 48 N/A", and a mean of
@@ -16,7 +17,8 @@ from typing import Final
 
 from models.quantity import QuantityError, is_rotary, parse
 
-_ENTRY: Final = re.compile(r"\s*(?P<name>[^\[\]*]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
+_NAME: Final = r"[^\[\]*](?:[^\[\]*]|\[[^\[\]]*\])*?"  # with indices in brackets; of brackets the last ones are a unit
+_ENTRY: Final = re.compile(rf"\s*(?P<name>{_NAME})\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*(?:\*\s*(?P<factor>[^*]+))?\s*")
 _NUMBER: Final = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
 _COUNTS: Final = frozenset(("inc", "incs", "increment", "increments", "count", "counts", "ct", "cts", "lsb", "pulses"))
 _NO_BRACKETS: Final = str.maketrans("[]", "  ")  # "24 [N/A]" is a factor, too

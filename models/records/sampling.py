@@ -26,6 +26,7 @@ FEWEST_STAMPS: Final = 8  # that differ, from which rounding can be told from a 
 GRID_ROUNDING: Final = 1e-3  # of the grid's step: by so much halves that are rounded to either side may exceed it
 # Of the stamps: where fewer occur more or less often than the others, samples were lost.
 MAX_UNEVEN_STAMP_SHARE: Final = 0.01
+MAX_ODD_SHARE: Final = 0.1  # of the steps: fewer that differ from all others are counted in a refusal
 DIGITS: Final = 6  # up to which a round sample time is looked for
 TREND: Final = 0.1  # of the way that differences go up and down: by so much they may go up in all
 
@@ -67,15 +68,21 @@ def sampling(signals: Mapping[str, Array], names: Mapping[str, str], expected: f
         if float(np.max(np.abs(step - middle))) <= UNEVEN * middle:
             return Sampling(mean)
     if (rounded := _rounded(time, step, expected)) is not None:
-        sample_time, grid = rounded
-        return Sampling(
-            sample_time,
-            (
-                f"The times in {names['time']!r} are rounded to {show(grid, 's')} and are those of a sample every "
-                f"{show(sample_time, 's')}; they are made again from the count of the samples.",
-            ),
-        )
+        return Sampling(rounded[0], (_made_again(time, step, names["time"], *rounded),))
     raise RecordError(_uneven(time, step, names["time"], expected or mean))
+
+
+def _made_again(time: Array, step: Array, name: str, sample_time: float, grid: float) -> str:
+    """What is said of stamps that were rounded to a grid [s], or jitter about the instants of the samples."""
+    if np.all(np.round(step / grid) == 1):  # then nothing was rounded to it
+        off = float(np.max(np.abs(time - time[0] - sample_time * np.arange(time.size))))
+        how = f"jitter by up to {show(off, 's', 2)}"
+    else:
+        how = f"are rounded to {show(grid, 's')}"
+    return (
+        f"The times in {name!r} {how} and are those of a sample every {show(sample_time, 's')}; they are made again "
+        "from the count of the samples."
+    )
 
 
 def counted(sample_time: float) -> str:
@@ -203,6 +210,14 @@ def _uneven(time: Array, step: Array, name: str, sample_time: float) -> str:
             f"about {missing} samples are missing, the first after row {first + 1} at {show(float(time[first]), 's')}"
             f", where the times in {name!r} jump by {show(float(step[first]), 's')}; give the part before or after as "
             f"a record of its own, or, {counted(sample_time)}"
+        )
+    middle = float(np.median(step))
+    odd = np.flatnonzero(np.abs(step - middle) > UNEVEN * middle)
+    if 0 < odd.size <= MAX_ODD_SHARE * step.size:
+        return (
+            f"uneven sampling: {odd.size} of {step.size} steps of {name!r} {'is' if odd.size == 1 else 'are'} not "
+            f"{show(middle, 's')}, the first after row {odd[0] + 1} ({show(float(step[odd[0]]), 's')}); correct the "
+            f"times there, or, {counted(sample_time)}"
         )
     return (
         f"uneven sampling: steps of {name!r} between {show(float(step.min()), 's')} and "

@@ -36,9 +36,11 @@ def from_motion(found: Identified, kind: str, loaded: Loaded, settings: Settings
     """Prediction-error fit with the controller replayed; what no other record gave goes into the machine."""
     record = record_of(loaded)
     if not is_at_rate(record, found.machine.sample_time):
+        every = found.machine.sample_time / record.sample_time
+        advice = "log all of its samples" if every < 1 else f"take one row of {every:.4g}"
         raise UnusableError(
             f"has a sample every {show(record.sample_time, 's')}, where the controller, which is replayed on motions, "
-            f"runs every {show(found.machine.sample_time, 's')}; log all of its samples"
+            f"runs every {show(found.machine.sample_time, 's')}; {advice}"
         )
     try:
         fit = motion.identify(record, found.machine, friction_covariance=_shape(found))

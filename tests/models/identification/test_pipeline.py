@@ -133,6 +133,9 @@ def test_motions_without_all_samples_of_the_controller_are_left_out() -> None:
         "its samples"
     )
     assert judged(MACHINE, [("motion", thinned)]) == ([], [])
+    faster = replace(thinned, content=own_records.motions(MACHINE, 1).part(0, 2000).filled(4))
+    with pytest.raises(RecordError, match="runs every 500 µs; take one row of 4"):
+        identify(MACHINE, [faster], kinds=["motion"])
 
 
 @pytest.mark.parametrize(("resolution", "every", "told"), [(1e-6, 2, True), (1e-6, 1, False), (1e-9, 2, False)])

@@ -374,6 +374,7 @@ def test_newey_west_is_right_for_white_and_for_coloured_errors() -> None:
 
 
 def test_values_of_several_records_are_one_whose_deviation_covers_their_scatter() -> None:
+    assert combined([(1.0, 0.0), (1.0, 0.1)]) == pytest.approx((1.0, 0.0, 0.0))  # surely known: it had been no number
     value, std, apart = combined([(1.0, 0.1), (1.1, 0.2)])
     assert value == pytest.approx(1.02)
     assert std == pytest.approx(0.2 / np.sqrt(5))

@@ -14,6 +14,7 @@ from models.records.checks import (
     SAME_MASS,
     SIGNALS,
     Facts,
+    _saturation,
     check_length,
     check_movement,
     check_one_machine,
@@ -172,8 +173,19 @@ def test_a_log_without_all_samples_is_not_blamed_for_the_controller() -> None:
     wrong = replace(known, pid=replace(machine.control.pid, kd=3 * machine.control.pid.kd))
     assert known.seen_in(record) == known
     assert known.seen_in(record.thinned(2)) == replace(known, pid=None)
+    assert known.seen_in(record.filled(4)) == replace(known, pid=None)  # a log that is faster, as of an oscilloscope
     for one, blamed in ((record, True), (record.thinned(2), False)):
         assert any("controller" in said for said in findings(one, SIGNALS, wrong.seen_in(one))) == blamed
+
+
+@pytest.mark.parametrize(("coarse", "top", "told"), [(True, 12.5, False), (True, 200.0, True), (False, 12.5, True)])
+def test_a_coarse_command_is_saturated_only_at_its_limit(coarse: bool, top: float, told: bool) -> None:
+    """One in steps of 0.5 N stands at its highest level as at any other; "cut those parts out" had been advised."""
+    angle = np.linspace(0, 20, 4000)
+    wave = (1.2 if told else 1.0) * top * np.sin(angle)
+    command = np.clip(np.round(wave / 0.5) * 0.5 if coarse else wave, -top, top)
+    said = list(_saturation(replace(moving(), command=command), 200.0))
+    assert any("is saturated" in one for one in said) == told
 
 
 STILL = replace(moving(), position=np.full(4000, 1e-5))

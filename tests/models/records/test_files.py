@@ -105,6 +105,21 @@ def same(loaded: Loaded, record: Record) -> None:
         np.testing.assert_array_equal(getattr(loaded.content, name), getattr(record, name), name)
 
 
+@pytest.mark.parametrize(
+    ("entry", "name", "factor"),
+    [
+        ("Axes[1].ActPos [mm]", "Axes[1].ActPos", 1e-3),
+        ("Axes[1].ActPos", "Axes[1].ActPos", 1.0),
+        ("a[2][3] [um] * -1", "a[2][3]", -1e-6),
+        ("pos[2] [mm]", "pos[2]", 1e-3),
+    ],
+)
+def test_a_column_with_an_index_in_brackets_is_mapped(entry: str, name: str, factor: float) -> None:
+    source = Columns(position=entry).source("position")
+    assert source.name == name
+    assert source.factor == pytest.approx(factor)
+
+
 def test_csv_plain_and_compressed(tmp_path: Path, table: Table, record: Record) -> None:
     plain, packed = load(csv(tmp_path / "a.csv", table)), load(csv(tmp_path / "a.csv.gz", table))
     same(plain, record)
@@ -121,6 +136,10 @@ def test_mat_of_both_versions_and_parquet(tmp_path: Path, table: Table, record: 
     dotted = Columns(**{name: f"log.{getattr(Columns(), name)}" for name in signals})
     savemat(tmp_path / "s.mat", {"log": table})
     same(load(tmp_path / "s.mat", dotted), record)
+    savemat(tmp_path / "m.mat", {"log": np.column_stack(list(table.values()))})
+    numbered = [f"log:{i}" for i in range(1, len(table) + 1)]
+    by_name = dict(zip(table, numbered, strict=True))
+    same(load(tmp_path / "m.mat", Columns(**{one: by_name[getattr(Columns(), one)] for one in signals})), record)
     same(load(mat73(tmp_path / "h.mat", table), dotted), record)
     same(load(parquet(tmp_path / "a.parquet", table)), record)
 

@@ -76,6 +76,24 @@ def test_a_wandering_clock_is_refused_however_it_is_rounded() -> None:
             of(np.maximum.accumulate(stamps))
 
 
+def test_a_stamp_that_is_off_alone_is_said_with_its_row() -> None:
+    time = 500e-6 * np.arange(2_000)
+    time[1_200] -= 185e-6
+    with pytest.raises(RecordError, match=r"2 of 1999 steps of 't' are not 500 µs, the first after row 1200 \(315 µs"):
+        of(time)
+    twice = np.insert(500e-6 * np.arange(1_999), 1_200, 500e-6 * 1_200)
+    with pytest.raises(RecordError, match=r"1 of 1999 steps of 't' is not 500 µs, the first after row 1201 \(0 s"):
+        of(twice)
+
+
+def test_times_that_jitter_are_not_said_to_be_rounded() -> None:
+    """By a percent about the samples, their steps by two: they were "rounded to 500 us", the sample time itself."""
+    jitter = np.random.default_rng(1).uniform(-0.01, 0.01, 2_000)
+    found = of(500e-6 * (np.arange(2_000) + jitter), 500e-6)
+    assert found.sample_time == pytest.approx(500e-6, rel=1e-9)
+    assert found.said[0].startswith("The times in 't' jitter by up to 5.1 µs and are those of a sample every 500 µs")
+
+
 def test_time_differences_are_summed() -> None:
     draw = np.random.default_rng(1)
     for column in (np.full(COUNT, 250e-6), 250e-6 + 1e-7 * draw.standard_normal(COUNT).clip(-3, 3)):

@@ -16,6 +16,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.records.tables.binary.arrays import NUMBERS, columns_of, names_of
 from models.records.tables.binary.hdf5 import read_datasets
 from models.records.tables.sizes import Limits, bounded_memory
 from models.records.tables.table import Table
@@ -54,17 +55,19 @@ def _arrays(path: Path, limits: Limits) -> dict[str, Array]:
             limits.check_columns(len(variables))
             limits.check_numbers(sum(math.prod(shape) for _, shape, _ in variables))
             content = loadmat(path, squeeze_me=True, struct_as_record=False)
-            return _flat({name: item for name, item in content.items() if not name.startswith("__")}, "")
+            return _flat({name: item for name, item in content.items() if not name.startswith("__")}, "", limits)
 
 
-def _flat(content: Mapping[str, Any], where: str) -> dict[str, Array]:
-    """Structures as dotted names: data.t, data.x."""
+def _flat(content: Mapping[str, Any], where: str, limits: Limits) -> dict[str, Array]:
+    """Structures as dotted names, data.t and data.x; the columns of a matrix as in every other format."""
     found: dict[str, Array] = {}
     for name, item in content.items():
         if hasattr(item, "_fieldnames"):  # SciPy's structure
-            found |= _flat(vars(item), f"{where}{name}.")
-        elif isinstance(item, np.ndarray) and item.dtype.kind in "fiub":
-            found[f"{where}{name}"] = np.asarray(np.squeeze(item), float)
+            found |= _flat(vars(item), f"{where}{name}.", limits)
+        elif isinstance(item, np.ndarray) and item.dtype.kind in NUMBERS:
+            whole = f"{where}{name}"
+            found |= dict(columns_of(whole, item)) if names_of(whole, item.shape, None, limits) else {}
+            limits.check_columns(len(found))
     return found
 
 
