@@ -39,6 +39,7 @@ UNMODELLED: Final = (3.0, 0.1)
 # take a hundred times the force, or a hundredth of the mass.
 FASTER: Final = 10.0
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
+FEWEST_SPACED: Final = 50  # samples that a reading of slow motions is compared at
 MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
 MIN_CATCH_UP_RATIO: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
 SMOOTHED: Final = 20  # samples over which accelerations are taken
@@ -101,11 +102,19 @@ def _roughness(signal: Array) -> float:
     return float(np.std(np.diff(signal, 2)) / np.std(signal))
 
 
+def _until_it_moves(position: Array) -> int:
+    """The samples in which a reading (n,) moves by FLICKER steps of its scale on average, so that these do not pass for
+    roughness; as few as leave FEWEST_SPACED of them."""
+    step, moved = quantisation(position), float(np.mean(np.abs(np.diff(position))))
+    return max(min(math.ceil(FLICKER * step / moved), position.size // FEWEST_SPACED), 1)
+
+
 def _swapped(record: Record, given: set[str]) -> Iterator[str]:
     if np.ptp(record.position) == 0 or np.ptp(record.command) == 0:
         return
-    rougher = _roughness(record.position) / _roughness(record.command)
     moved = "reference" in given and np.ptp(record.reference) > 0
+    every = 1 if moved else _until_it_moves(record.position)
+    rougher = _roughness(record.position[::every]) / max(_roughness(record.command[::every]), 1e-300)
     if moved:  # a loop that stiff contacts hold by half a stroke commands what it is asked for, but not as smoothly
         position, command = (abs(_correlation(s, record.reference)) for s in (record.position, record.command))
         swapped = command > 0.9 and command > position + 0.2 and rougher > 1

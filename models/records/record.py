@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from models.quantity import show
 
 Array = NDArray[np.float64]
+
+BETWEEN_STEPS: Final = 20  # samples for which a target that steps stays, at least
 
 
 @dataclass(frozen=True)
@@ -115,11 +118,14 @@ def motions(target: Array, initial: float = 0.0) -> tuple[Motion, ...]:
 def cut(record: Record) -> tuple[Motion, ...]:
     """The motions of a record: where its target steps, or, for a target that moves along, from one halt to the next.
 
-    A halt of the reference is where its speed is zero or changes its sign; a motion starts there.
+    Changes that are BETWEEN_STEPS samples apart, in the median, are steps. A halt of the reference is where its speed
+    is zero or changes its sign; a motion starts there.
     """
     r = record.target
-    steps = np.count_nonzero(np.diff(r))
-    if 0 < steps < r.size / 20:
+    changes = np.flatnonzero(np.diff(r))
+    # The reference that stands in for a target may rest most of the time, too, but moves along in between.
+    stands = changes.size < 2 or float(np.median(np.diff(changes))) >= BETWEEN_STEPS
+    if 0 < changes.size < r.size / BETWEEN_STEPS and stands:
         return motions(r, float(record.reference[0]))  # at rest before the record, or on its way already
     speed = np.sign(np.diff(record.reference, append=record.reference[-1]))
     before = np.concatenate([[0.0], speed[:-1]])

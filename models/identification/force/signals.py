@@ -27,6 +27,8 @@ LOOPS: Final = 80.0
 # Times the frequency below which a fast record's motion has nearly all of its speed's energy that its pass band is
 # wide at least: 40 Hz on EMPS. A vibration mode is no part of the model, so that the band ends below the lowest one.
 MOTION: Final = 5.8
+FEWEST_TURNS: Final = 4  # of the path, of which the median distance of every second one is a loop where it turns
+OFTENER: Final = 3.0  # times as often as its largest line says
 MOST_ENERGY: Final = 0.999
 BELOW_MODES: Final = 0.7
 MAX_NYQUIST_SHARE: Final = 0.9  # of half the sampling rate: the widest low-pass
@@ -94,8 +96,14 @@ def usable_band(usual: float, sample_time: float) -> float:
 
 def slow_band(record: Record) -> float:
     """The low-pass's pass band [Hz] for friction in a slow record: so many times the frequency of its loops, as the
-    band smears the curve behind a reversal over a way that grows with the speed."""
-    return usable_band(LOOPS * _loops(record), record.sample_time)
+    band smears the curve behind a reversal over a way that grows with the speed. Beside loops on a way, or at several
+    places, that way is the largest line; then how often the path turns round tells their frequency."""
+    loops, count = _loops(record), np.arange(record.position.size)
+    turns = reversals(record.position - np.polyval(np.polyfit(count, record.position, 1), count))
+    if turns.size >= FEWEST_TURNS:
+        turning = 1 / (float(np.median(turns[2:] - turns[:-2])) * record.sample_time)
+        loops = turning if turning > OFTENER * loops else loops
+    return usable_band(LOOPS * loops, record.sample_time)
 
 
 def fast_band(record: Record, lowest_mode: float) -> float:

@@ -85,6 +85,19 @@ def test_a_loop_that_its_contacts_hold_has_no_swapped_columns() -> None:
     assert not any("swapped" in doubt for doubt in doubts(record, GIVEN, FACTS))
 
 
+def test_slow_loops_without_a_control_have_no_swapped_columns() -> None:
+    """Steps of 0.1 um at 20 kHz, of which one comes in 25 samples, had passed for the roughness of a force."""
+    time = 5e-5 * np.arange(80_000)
+    wave = np.sin(2 * np.pi * 0.5 * time)
+    nothing, position = np.zeros(time.size), 1e-7 * np.round(40e-6 * wave / 1e-7)
+    record = Record(5e-5, nothing, nothing, nothing, 8.0 * wave, position)
+    given = {"time", "command", "position"}
+    assert not any("swapped" in doubt for doubt in doubts(record, given, Facts()))
+    noisy = 8.0 * wave + np.random.default_rng(1).standard_normal(time.size)
+    turned = replace(record, command=position, position=noisy)
+    assert any("swapped" in doubt for doubt in doubts(turned, given, Facts()))
+
+
 def test_a_loop_that_is_too_soft_to_follow_is_not_doubted() -> None:
     """Against a spring, a controller without an integral stays behind by its share of the stiffness, as it says."""
     pid, reference = PID(1e4, 0.0, 0.0, 1e-3), 1e-5 * np.sin(np.arange(4000) / 100)

@@ -27,6 +27,18 @@ def test_a_record_in_which_nothing_moves_has_no_motions() -> None:
     assert cut(Record(1e-3, nothing, nothing, nothing, nothing, nothing)) == ()
 
 
+def test_a_reference_that_rests_most_of_the_time_has_as_many_motions_as_its_target() -> None:
+    """Of ten motions of 20 ms every 0.5 s, a log without a target had four hundred."""
+    share = np.linspace(0, 1, 41)
+    way = np.append(share**3 * (10 - 15 * share + 6 * share**2), np.ones(959))
+    levels = 20e-6 * np.array([1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
+    before = np.append(0.0, levels[:-1])
+    reference = np.concatenate([a + (b - a) * way for a, b in zip(before, levels, strict=True)])
+    found = cut(Record(5e-4, *[reference] * 5))
+    assert len(found) == 10
+    assert [motion.reversal for motion in found] == [i in {0, 5} for i in range(10)]
+
+
 def test_a_log_of_every_fourth_sample_is_filled_through_its_samples() -> None:
     """Splines have the error of their order between the samples, none at them; what is commanded does not overshoot."""
     time = 2.5e-4 * np.arange(4001, dtype=float)
