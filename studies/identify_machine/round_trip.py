@@ -42,7 +42,11 @@ def judged(machine: Machine, tables: int, seed: int, tell: Callable[[float, str]
         else:
             missed += 1
         terms = Terms(
-            mass=found.plant.mass, known_delay=_delay(table), drag=drag_of(table), effects=along_the_path(table)
+            mass=found.plant.mass,
+            known_delay=_delay(table),
+            drag=drag_of(table),
+            effects=along_the_path(table),
+            likely_limit=max(machine.friction.limit),
         )
         slow = own_records.hysteresis(table, own)
         curve = by_elements.identify(slow, terms, pass_band=slow_band(slow))

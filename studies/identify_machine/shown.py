@@ -206,9 +206,15 @@ def _force(fit: ForceFit) -> dict[str, Any]:
 def _dynamics(record: Record, fit: ForceFit, held: Holdable) -> dict[str, Any]:
     """Further results of a fast record: the comparison from the published models to the machine file's."""
     half = half_of(record)
+    longest = max(fit.friction.limit)
     bending = replace(DYNAMICS, bent=True, likely_delay=fit.estimate.value("delay"))
     simple, bent = (
-        by_elements.identify(record, replace(terms, effects=fit.effects), pass_band=fit.pass_band, fit_until=half)
+        by_elements.identify(
+            record,
+            replace(terms, effects=fit.effects, likely_limit=longest),
+            pass_band=fit.pass_band,
+            fit_until=half,
+        )
         for terms in (BY_DIRECTION, bending)
     )
     fits = (

@@ -130,8 +130,9 @@ def _fitted(record: Record, terms: Terms, pass_band: float, fit_until: float, mo
     covariance[offset, offset] += remembered**2 / 3  # equally likely anywhere within
     if short:  # no reversal has shown where the longest element ends
         covariance[-1, -1] += float(limits[-1]) ** 2 / 3
-    estimate = replace(found.estimate, covariance=covariance)
-    return replace(found, estimate=estimate, remembered=remembered, short=short, pass_band=pass_band)
+    estimate, least = replace(found.estimate, covariance=covariance), limit_range(data)[0]
+    least = least if limits[0] <= least else 0.0
+    return replace(found, estimate=estimate, remembered=remembered, short=short, least=least, pass_band=pass_band)
 
 
 def _check_delay(data: Signals, delay: float) -> None:

@@ -27,7 +27,8 @@ class ForceFit:
     time [s], measured and modelled force [N], path [m], friction's share [N] (n,); used: which were fitted.
     lag: tau = D_i / K_i and its standard deviation [s] where damping was sought, whether it was taken or not.
     remembered: the force [N] that elements may carry from before the record, which the offset's deviation covers;
-    short: the path is too short to show where the longest element ends. pass_band [Hz]: of the low-pass. effects: known
+    short: the path is too short to show where the longest element ends; least [m]: where the shortest one is no longer
+    than what was looked at, that limit, else 0. pass_band [Hz]: of the low-pass. effects: known
     ones, whose force is not in `measured` any more.
     """
 
@@ -43,6 +44,7 @@ class ForceFit:
     lag: tuple[float, float] | None = None
     remembered: float = 0.0
     short: bool = False
+    least: float = 0.0
     pass_band: float = math.nan
     effects: tuple[Effect, ...] = ()
 

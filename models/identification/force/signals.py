@@ -34,6 +34,7 @@ BELOW_MODES: Final = 0.7
 MAX_NYQUIST_SHARE: Final = 0.9  # of half the sampling rate: the widest low-pass
 AT_A_TIME: Final = 10_000_000  # numbers of columns that are filtered together; a filter makes several copies of them
 MIN_LIMIT_STEPS: Final = 0.5  # of the reading: the shortest limit looked at, of which a search may halve it
+SHORT_PATH, LONG_PATH = 2.0, 500.0  # times the likely longest limit, a path that limits are looked for below, and up to
 PASS: Final = 0.02  # of the path's span: the shortest way between two reversals
 SAME_PASS_SHARE: Final = 0.1  # of their way: by less, passes from one reversal to the next are the same one again
 
@@ -47,7 +48,7 @@ class Terms:
     by_direction: viscous friction of its own for each direction; bent: a part c' v^2 beside c v, so that it may grow
     less than in proportion; spring: to ground, a part k x; delay: the position answers a delay after the command,
     sought from `likely_delay` [s] on (known_delay [s] beside it, with its standard deviation). damped: damping of the
-    elements is sought, and taken only if BIC falls by ten.
+    elements is sought, and taken only if BIC falls by ten. likely_limit [m]: the longest of the elements known before.
     """
 
     mass: float | None = None
@@ -62,6 +63,7 @@ class Terms:
     known_delay: float = 0.0
     known_delay_std: float = 0.0
     damped: bool = False
+    likely_limit: float = math.inf
 
     @property
     def lags(self) -> NDArray[np.bool_]:
@@ -134,10 +136,11 @@ def memory_ends(path: Array) -> int:
 
 
 def limit_range(data: Signals) -> tuple[float, float]:
-    """Least and largest limit [m] looked at: from what the scale and the path show on, up to 0.45 of the path's
-    span."""
-    span = float(np.ptp(data.path))
-    return max(2e-3 * min(span, 2e-4), MIN_LIMIT_STEPS * data.step), 0.45 * min(span, 5e-2)
+    """Least and largest limit [m] looked at: from what the scale and the path show on, up to 0.45 of the path's span.
+    A path that is far longer than the likely longest limit counts as one that is so many times as long as it."""
+    span, likely = float(np.ptp(data.path)), data.terms.likely_limit
+    least, most = (min(span, times * likely) for times in (SHORT_PATH, LONG_PATH))
+    return max(2e-3 * least, MIN_LIMIT_STEPS * data.step), 0.45 * most
 
 
 def finest_step(position: Array) -> float:

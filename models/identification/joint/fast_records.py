@@ -61,7 +61,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
         )
     band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
     likely = found.machine.plant.dead_time + lag_of(found.machine) + 0.5 * record.sample_time
-    terms = replace(DYNAMICS, effects=along_the_path(found.machine), likely_delay=likely)
+    longest, effects = max(found.machine.friction.limit), along_the_path(found.machine)
+    terms = replace(DYNAMICS, effects=effects, likely_delay=likely, likely_limit=longest)
     fit = by_elements.identify(record, terms, pass_band=band, fit_until=half_of(record))
     if not fit.estimate.deviation("mass") < LOOSE * abs(fit.estimate.value("mass")):
         raise ValueError(

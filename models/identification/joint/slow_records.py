@@ -58,6 +58,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
         known_delay=plant.dead_time + lag_of(found.machine) + 0.5 * ts,
         known_delay_std=max(dead_time, default=0.0),
         damped=bool(dead_time),
+        likely_limit=max(found.machine.friction.limit),
     )
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
@@ -273,6 +274,11 @@ def _on_memory(fit: ForceFit) -> Iterator[str]:
             f"The path, {show(span, 'm')} from end to end, is too short for the longest element: the friction may go "
             "on rising beyond it, or a spring to ground pulls, which looks the same there; record slow loops twice as "
             "wide, or state the spring ([effects.cable_spring])."
+        )
+    if fit.least > 0:
+        yield (
+            f"The shortest element ends where the search did, at {show(fit.least, 'm', 2)}: the friction may slip "
+            "earlier still, which takes a finer scale to see, or shorter presliding limits in the machine file."
         )
     if fit.remembered > 0:
         yield (
