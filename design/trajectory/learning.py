@@ -159,6 +159,18 @@ def _continued(one: _LearningState, target: Array) -> References:
     return carried_on(friction, one.path, scheme.path(target), scheme.references(friction, target))
 
 
+def looked_at(machine: Machine) -> int:
+    """The samples behind a step over which a motion's tracking error is looked at; the next motion is none of it."""
+    look = min(LOOK_SETTLING_TIMES * machine.specification.settling_time, _rest_time(machine))
+    return round(look / machine.sample_time)
+
+
+def _rest_time(machine: Machine) -> float:
+    """How long after its step [s] a drive takes the thrust of a motion's rest: before the next one."""
+    wanted = machine.specification
+    return min(wanted.interval - machine.sample_time, RESTED * wanted.settling_time)
+
+
 def hold_time(machine: Machine) -> float:
     """How long before the end of a motion the thrust is averaged that holds the table [s]: not before it may settle."""
     wanted = machine.specification
@@ -192,10 +204,7 @@ def sensitivities(nominal: Machine, scheme: Scheme, stroke: float) -> Sensitivit
     """
     exact = replace(nominal, scale=replace(nominal.scale, resolution=0.0, noise=0.0))
     target, causes = sequence(nominal, stroke, periods=2), _causes(nominal)
-    half, count = (
-        target.size // 2,
-        round(LOOK_SETTLING_TIMES * nominal.specification.settling_time / nominal.sample_time),
-    )
+    half, count = target.size // 2, looked_at(nominal)
     given = scheme.references(scheme.known, target)
     machines = [exact, *(varied(exact, each) for each in causes)]
     faultless, *off = [
@@ -245,12 +254,12 @@ def _response(one: Scheme, designed: Scheme, step: Array) -> Array:
 
 def learning_to_json(known: Sensitivity, nominal: Machine, scheme: Scheme, stroke: float) -> dict[str, Any]:
     """What controller.json tells of learning over a stroke [m], for a drive that does it itself."""
-    wanted, (per_second, per_square) = nominal.specification, position_by_dead_time(nominal, scheme, stroke)
+    per_second, per_square = position_by_dead_time(nominal, scheme, stroke)
     return {
         "motions": motions_to_learn(nominal),
         "rounds": LEARNING_PERIODS,
         "motions_per_round": 2 * nominal.specification.motions,
-        "rest_s": min(wanted.interval - nominal.sample_time, RESTED * wanted.settling_time),
+        "rest_s": _rest_time(nominal),
         "hold_s": hold_time(nominal),
         "length_shares": list(LENGTHS),
         "length_candidates": length_candidates(),

@@ -184,8 +184,8 @@ def row_of(
 
 def _shown(central: Outcome, every: Sequence[Outcome]) -> dict[str, Any]:
     """For the figures: motions up on the central table, and the spread of the largest error over the tables in time."""
-    half = len(central.position) // 2
-    largest = np.array([np.max(np.abs(outcome.error), axis=0) for outcome in every])
+    half, shown = len(central.position) // 2, central.position.shape[1]
+    largest = np.array([np.max(np.abs(outcome.error[:, :shown]), axis=0) for outcome in every])
     return {
         "position_m": central.position[:half],
         "command_N": central.command[:half],

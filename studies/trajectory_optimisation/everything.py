@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.trajectory.compensator import EVALUATIONS
-from design.trajectory.learning import LOOK_SETTLING_TIMES, motions_to_learn, path_to_learn
+from design.trajectory.learning import looked_at, motions_to_learn, path_to_learn
 from design.trajectory.schemes import Scheme, Wanted
 from design.validation import BATCH, sequence
 from design.wiping import wipe, wipe_to_json
@@ -129,10 +129,7 @@ def _effort(machine: Machine, scheme: Scheme, stroke: float) -> dict[str, Any]:
     steps = np.diff(path)
     moving = np.sign(steps[steps != 0])
     points = int(np.count_nonzero(np.diff(moving))) + 1 + motions_to_learn(machine)
-    elements, look = (
-        len(scheme.known.limit),
-        round(LOOK_SETTLING_TIMES * machine.specification.settling_time / machine.sample_time),
-    )
+    elements, look = len(scheme.known.limit), looked_at(machine)
     numbers = points + 2 * (2 + 2 * machine.specification.motions) + 4 * look + 3 * elements
     return {
         "motions": motions_to_learn(machine),

@@ -18,6 +18,7 @@ from studies.perturbed import MODE_RANGE, RANGE
 
 Array = NDArray[np.float64]
 
+SHOWN: Final = 2.4  # settling times of each motion that are kept for the figures
 VIBRATION: Final = 0.8  # settling times after the first one over which the vibration left is looked at
 # What a trajectory should be insensitive to, one standard deviation each: friction as far as learning leaves it wrong.
 ERRORS: Final = Errors(0.02, 0.02, RANGE.mass / math.sqrt(3), MODE_RANGE / math.sqrt(3))
@@ -28,7 +29,8 @@ class Outcome:
     """The outcome on one table: slowest motion's settling [s] to both tolerances, dispersion [m], thrust [N].
 
     dispersion_aim, dispersion_specified: 3 sigma after the aimed and the specified time. vibration [m]: largest
-    departure of a motion, after the specified time, from its mean over the window: residual vibration.
+    departure of a motion, after the specified time, from its mean over the window: residual vibration. Of the position
+    and the command the first SHOWN settling times are kept, at most a motion.
     """
 
     settling: float
@@ -38,18 +40,17 @@ class Outcome:
     peak_thrust: float
     vibration: float
     error: Array  # (motions, n) [m]
-    position: Array  # (motions, n) [m] travelled
-    command: Array  # (motions, n) [N]
+    position: Array  # (motions, m) [m] travelled, m <= n
+    command: Array  # (motions, m) [N]
 
 
 @dataclass(frozen=True)
 class Aim:
-    """The requirements: stroke [m], fine tolerance [m], aimed settling time [s], and the part of a motion kept [s]."""
+    """The requirements: stroke [m], fine tolerance [m], and aimed settling time [s]."""
 
     stroke: float
     tolerance: float
     settling_time: float
-    shown: float = 0.06
 
 
 def judge(
@@ -78,9 +79,9 @@ def outcome_of(validation: Validation, aim: Aim) -> Outcome:
     """The part of a validation that this study needs."""
     machine, achieved = validation.machine, validation.achieved
     wanted, ts = machine.specification, machine.sample_time
-    shown = round(aim.shown / ts)
     first, window = round(wanted.settling_time / ts), round(VIBRATION * wanted.settling_time / ts)
     error = np.array([one.error for one in achieved])
+    shown = min(round(SHOWN * wanted.settling_time / ts), error.shape[1])
     direction = np.array([one.motion.direction for one in achieved])
     still = error[:, first : first + window]
     command = validation.response.record.command
@@ -91,7 +92,7 @@ def outcome_of(validation: Validation, aim: Aim) -> Outcome:
         dispersion_specified=validation.worst_dispersion,
         peak_thrust=validation.peak_thrust,
         vibration=float(np.max(np.abs(still - still.mean(axis=1, keepdims=True)))),
-        error=error[:, :shown],
+        error=error,
         position=(error * direction[:, None] + aim.stroke)[:, :shown],
         command=np.array([command[one.motion.start : one.motion.start + shown] for one in achieved]),
     )

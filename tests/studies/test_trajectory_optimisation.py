@@ -135,6 +135,15 @@ def test_the_feedback_waits_as_the_trajectory_needs_it_at_any_dead_time(dead_tim
     assert np.max(np.abs(judged.error[:, after:])) < 2 * machine.scale.resolution
 
 
+def test_motions_shorter_than_the_figures_are_shown_whole() -> None:
+    """Between motions 45 ms apart lie fewer samples than 2.4 settling times of 25 ms have."""
+    machine = load_machine()
+    machine = replace(machine, specification=replace(machine.specification, interval=45e-3))
+    law = Controller(machine.sample_time, machine.control.pid, 2, (1.0,), (0.0,))
+    judged = judge([machine], law, Aim(1e-6, 0.5e-6, 20e-3))[0]
+    assert judged.error.shape == judged.position.shape == judged.command.shape == (10, 90)
+
+
 def test_what_one_search_solved_is_not_solved_again_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
     """A limit of the thrust only says which motions will do: with a lower one, the search asks for longer ones."""
     machine = load_machine()

@@ -13,6 +13,7 @@ from design.trajectory.learning import (
     hold_time,
     learned_tables,
     learning_to_json,
+    looked_at,
     motions_to_learn,
     path_to_learn,
     position_by_dead_time,
@@ -126,6 +127,17 @@ def test_the_tracking_error_waits_as_the_feedback_does_and_turns_motions_down() 
     record = Record(1e-3, target, target, nothing, nothing, reading)
     law = Controller(1e-3, load().control.pid, 2, (1.0,), (0.0,))
     assert tracking_error(target, record, law, 6) == pytest.approx(np.full(6, 0.1))
+
+
+@pytest.mark.parametrize(("interval", "samples"), [(0.2, 100), (45e-3, 89)])
+def test_the_next_motion_is_no_part_of_a_tracking_error(
+    machine: Machine, scheme: Scheme, interval: float, samples: int
+) -> None:
+    """Twice the settling time of 25 ms is more than 45 ms from one motion to the next, of which the last sample is the rest."""
+    quick = replace(machine, specification=replace(machine.specification, interval=interval))
+    assert looked_at(quick) == samples
+    known = sensitivities(quick, scheme, STROKE)
+    assert known.faultless.shape == known.gain[0].shape == (samples,)
 
 
 def test_the_scheme_for_another_mass_moves_alike_with_more_thrust(machine: Machine, scheme: Scheme) -> None:
