@@ -106,7 +106,7 @@ def responses(tables: Sequence[Table], bare: Sequence[Array], chosen: Chosen) ->
     beside the same table without it.
     """
     machine, _ = tables[0]
-    n = round(SECONDS / machine.sample_time)
+    n = min(round(SECONDS / machine.sample_time), bare[0].shape[1])  # at most a motion
     first = {"name": "", "way": "", "table": 0, "error_m": bare[0][:, :n], "without_m": bare[0][:, :n]}
     drawn = [first]
     for its in list(chosen.values())[:DRAWN]:

@@ -22,6 +22,7 @@ from studies.paper_gap.decide import decide, gap
 from studies.paper_gap.experiments import depart, measure, menu
 from studies.paper_gap.explore import BEYOND, Case, Draw
 from studies.paper_gap.pattern import Outcome
+from studies.paper_gap.shown import responses
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,12 @@ def test_settling_times_come_with_what_they_hang_on_and_their_scatter(results: A
     assert all(row["median_s"] <= row["quantile_s"] <= row["largest_s"] for row in rows)
     compensated = next(row for row in rows if row["case"] == names[1])
     assert compensated["single_s"] == pytest.approx(results["nominal"][0]["reversal_settling_s"], abs=2e-3)
+
+
+def test_motions_that_follow_each_other_quickly_are_shown_whole() -> None:
+    """100 samples of 0.5 ms between them, where 0.1 s would be shown."""
+    (shown,) = responses([(load(), default_controller(load()))], [np.zeros((5, 100))], {})
+    assert len(shown["time_s"]) == 100
 
 
 def test_no_table_shows_the_pattern_by_itself(results: Any) -> None:
