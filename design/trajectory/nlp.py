@@ -43,6 +43,7 @@ NEXT: Final[dict[str, str]] = {
     "Infeasible_Problem_Detected": "nothing near meets these conditions: give more time, thrust or tolerance",
     "Maximum_Iterations_Exceeded": "begin from a wider smoothing, or from the solution of a nearby problem",
     "Restoration_Failed": "begin from a wider smoothing, or from the solution of a nearby problem",
+    "Not_Enough_Degrees_Of_Freedom": "it has fewer samples than conditions: give more samples",
     "Invalid_Number_Detected": "a number is not finite: check the machine file's values",
 }
 OTHERWISE: Final = "begin from a wider smoothing, or loosen a limit"
@@ -153,7 +154,8 @@ class Solver:
             objective=float(found["f"]),
             converged=bool(stats["success"]),
             status=str(stats["return_status"]),
-            iterations=int(stats["iter_count"]),
+            # IPOPT does not set the count where it refuses to begin.
+            iterations=int(stats["iter_count"]) if stats.get("iterations") else 0,
             violation=float(np.max(np.maximum(low - g, g - high), initial=0.0)),
             multipliers=(found["lam_x"], found["lam_g"]),
         )

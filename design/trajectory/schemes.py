@@ -26,7 +26,8 @@ from design.validation import sequence
 from models.controller import Controller, References, compensator_path, references
 from models.friction import Friction
 from models.machine import Machine
-from models.plant import delay_split
+from models.plant import Plant, delay_split
+from models.quantity import show
 from models.records.record import motions
 from models.simulation.simulator import simulate
 
@@ -39,6 +40,7 @@ LOOK: Final = 0.6
 LOOK_ROBUST: Final = 1.2  # A robust trajectory leaves more to the feedback, which takes longer.
 # A search for a feasible motion gives up this many times the samples of the one aimed at beyond it, or so many samples.
 MAX_EXTRA, MAX_EXTRA_SAMPLES = 1.0, 200
+MAX_MOTION_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
 # Smoothing widths where many copies of the loop are solved: a tenth of the limits will do.
 COARSE_SMOOTHING: Final = (0.3, 0.1)
 
@@ -68,6 +70,19 @@ def rest_time(machine: Machine, samples: int) -> float:
     return (samples - (rest > 0)) * machine.sample_time + machine.plant.dead_time
 
 
+def most_samples(machine: Machine) -> int:
+    """Samples that a motion has at most: it rests by half the time from one to the next, and its design is solved."""
+    return min(samples_for(machine, machine.specification.interval / 2), MAX_MOTION_SAMPLES)
+
+
+def least_samples(plant: Plant, sample_time: float) -> int:
+    """Samples that a motion has at least, with samples of sample_time [s]: its end has two conditions of each mode.
+
+    Where L is not a whole number of samples, the last one's net thrust is 0 beside them.
+    """
+    return 2 * len(plant.modes) + (delay_split(plant.dead_time, sample_time)[1] > 0)
+
+
 def slip_states(machine: Machine) -> Array:
     """(2, N) [m]: every element at its lower, and at its upper limit: most friction to climb, and most to carry."""
     return np.outer([-1.0, 1.0], machine.friction.limit)
@@ -85,7 +100,7 @@ def quickest(
     known: what was tried before on this machine, for the same stroke and slew but perhaps another limit of the thrust
     [N], which only says which of them do. From full slip either way, which bounds what any history asks for. Bisection
     over the number of samples, one problem each: the least peak falls with their number. Raises DesignError if even
-    the most that it goes beyond, see MAX_EXTRA, do not do.
+    the most that it goes beyond, see MAX_EXTRA, or that a motion may have, see `most_samples`, do not do.
     """
     tried = dict(known)
 
@@ -95,14 +110,17 @@ def quickest(
             tried[count] = solve(build(task), slip_states(machine), Limits(slew=wanted.limits.slew))
         return tried[count].solution.converged and tried[count].peak <= wanted.limits.thrust
 
-    low = max(2 * len(machine.plant.modes), least - 1)
-    high, step = max(begin, low + 1), 2
-    while not possible(high):
-        low, high, step = high, high + step, 2 * step
-        if high > begin + max(MAX_EXTRA_SAMPLES, MAX_EXTRA * begin):
+    low = max(least_samples(machine.plant, machine.sample_time), least) - 1
+    high, step, most = max(begin, low + 1), 2, most_samples(machine)
+    last = min(begin + round(max(MAX_EXTRA_SAMPLES, MAX_EXTRA * begin)), most)
+    while high > most or not possible(high):
+        if high >= last:
             raise DesignError(
-                f"no motion of up to {rest_time(machine, high):g} s keeps within {wanted.limits.thrust:g} N; allow more"
+                f"no motion of up to {show(rest_time(machine, last), 's')} keeps within "
+                f"{show(wanted.limits.thrust, 'N')}; allow more, a shorter stroke or, where motions follow each other "
+                f"every {show(machine.specification.interval, 's')}, a longer interval"
             )
+        low, high, step = high, min(high + step, last), 2 * step
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if possible(middle) else (middle, high)

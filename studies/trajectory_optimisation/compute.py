@@ -25,7 +25,7 @@ from design.trajectory.history_aware import (
 )
 from design.trajectory.learning import learning_to_json, sensitivities
 from design.trajectory.robust import RobustTrajectory
-from design.trajectory.schemes import Scheme, Wanted, profile_of
+from design.trajectory.schemes import MAX_MOTION_SAMPLES, Scheme, Wanted, profile_of
 from design.validation import BATCH, PERIODS, sequence
 from models.controller import Controller
 from models.machine import Machine, parameters
@@ -57,7 +57,6 @@ Array = NDArray[np.float64]
 
 # Beyond so many times the distance over which the last element slips, history hardly counts.
 LONGEST_STROKE: Final = 10.0
-MAX_MOTION_SAMPLES: Final = 120  # A motion has at most three times as many samples as the paper's.
 SCHEMES: Final = 10  # that are judged on every table, those that learn counting more
 DESIGNS: Final = 60  # times the time of the first design that all of them take
 DESIGNS_QUICK: Final = 10

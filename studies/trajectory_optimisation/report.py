@@ -77,8 +77,9 @@ def tell(whole: Results) -> Report:
         Figure("trajectories", TRAJECTORIES, ("results.designs", "results.wanted"), _trajectories),
         Figure("pareto", PARETO, ("results.pareto", "results.shortest", "results.wanted"), _pareto),
         Figure("certificate", CERTIFICATE, ("results.certificate",), _certificate),
-        Figure("failed", FAILED, ("results.failed", "results.wanted"), _failed),
     ]
+    if results["failed"] is not None:
+        figures.append(Figure("failed", FAILED, ("results.failed", "results.wanted"), _failed))
     title = (
         f"Trajectories for {show(results['wanted']['stroke_m'], 'm')} motions with friction: {whole['machine']['name']}"
     )

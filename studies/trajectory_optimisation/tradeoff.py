@@ -33,11 +33,12 @@ def pareto(
     known: trajectories of least peak thrust that are designed already, by their number of samples.
     """
     rows = []
-    for extra in PARETO[:2] if quick else PARETO:
-        count = shortest + extra
+    for count in (shortest + extra for extra in (PARETO[:2] if quick else PARETO)):
+        if schemes.rest_time(machine, count) >= machine.specification.interval:  # it would not end
+            continue
         peak = known[count] if count in known else schemes.least_peak(machine, wanted, count)[1]
         rows.append(_pareto_row(machine, peak, aim, "least peak thrust"))
-        if not quick and extra in PARETO_ROBUST:
+        if not quick and count - shortest in PARETO_ROBUST:
             _, robust, _ = schemes.least_sensitive(machine, wanted, peak, ERRORS)
             if robust.solution.converged:
                 rows.append(_pareto_row(machine, robust, aim, "least sensitivity"))
@@ -111,11 +112,18 @@ def rest_at_rated_thrust(machine: Machine, wanted: Wanted, shortest: int, tried:
     return schemes.rest_time(machine, schemes.quickest(machine, whole, shortest, known=tried)[0])
 
 
-def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any]:
-    """The problem one sample shorter than possible: the iterate at which IPOPT stops, and what to do."""
-    count = max(shortest - 1, 2 * len(machine.plant.modes))
+def failed_iterate(machine: Machine, wanted: Wanted, shortest: int) -> dict[str, Any] | None:
+    """The problem one sample shorter than possible: the iterate at which IPOPT stops, and what to do.
+
+    None where it has fewer samples than conditions, or where this objective converges all the same.
+    """
+    count = shortest - 1
+    if count < schemes.least_samples(machine.plant, machine.sample_time):
+        return None
     task = Task(machine.plant, machine.friction, machine.sample_time, count, wanted.stroke, "energy", 2)
     found = solve(build(task), schemes.slip_states(machine), wanted.limits)
+    if found.solution.converged:
+        return None
     return {
         "time_s": schemes.rest_time(machine, count),
         "step_s": np.arange(count + 1) * machine.sample_time,

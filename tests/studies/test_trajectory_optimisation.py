@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from design.controller import feedback_alone, usable_thrust
-from design.deadbeat import synthesise
+from design.deadbeat import DesignError, synthesise
 from design.trajectory.compensator import compensate, motion_profile
 from design.trajectory.history_aware import Built, Limits, Trajectory
 from design.trajectory.schemes import (
     Wanted,
     histories,
     history_aware,
+    most_samples,
     profile_of,
     quickest,
     rest_time,
@@ -35,6 +36,7 @@ from studies.command import DONE
 from studies.perturbed import RANGE
 from studies.trajectory_optimisation.compute import deadbeat_beside
 from studies.trajectory_optimisation.outcomes import Aim, judge
+from studies.trajectory_optimisation.tradeoff import failed_iterate
 
 
 @pytest.fixture(scope="module")
@@ -162,6 +164,39 @@ def test_what_one_search_solved_is_not_solved_again_by_another(monkeypatch: pyte
     longer, both = quickest(machine, lower, 50, least=50, known=tried)
     assert longer > count
     assert asked == [one for one in both if one not in tried]
+
+
+@pytest.mark.parametrize(("dead_time", "samples"), [(0.0, 6), (1e-3, 7)])
+def test_the_shortest_motion_has_a_sample_for_each_condition_at_its_end(dead_time: float, samples: int) -> None:
+    """Two of each of three modes and, where the last thrust acts until after the motion, that it is 0."""
+    machine = load_machine()
+    control, plant = replace(machine.control, sample_time=4e-3), replace(machine.plant, dead_time=dead_time)
+    machine = replace(machine, control=control, plant=plant)
+    wanted = Wanted(20e-6, 0.5e-6, 28e-3, Limits(thrust=1e9))
+    count, _ = quickest(machine, wanted, 8)
+    assert count == samples
+    assert failed_iterate(machine, wanted, count) is None
+    failed = failed_iterate(machine, replace(wanted, limits=Limits(thrust=20.0)), 9)
+    assert failed is not None
+    assert failed["advice"]
+
+
+def test_no_motion_is_longer_than_half_the_time_from_one_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However little thrust there is: one that goes on when the next begins would not be put out whole."""
+    machine = load_machine()
+    machine = replace(machine, specification=replace(machine.specification, interval=60e-3))
+    found = quickest(machine, Wanted(20e-6, 0.5e-6, 25e-3, Limits()), 50, least=50)[1][50]
+    asked: list[int] = []
+
+    def solved(built: Built, *_: object) -> Trajectory:
+        asked.append(built.task.samples)
+        return found
+
+    monkeypatch.setattr("design.trajectory.schemes.solve", solved)
+    with pytest.raises(DesignError, match=r"no motion of up to .* keeps within 1 N; allow more"):
+        quickest(machine, Wanted(20e-6, 0.5e-6, 20e-3, Limits(thrust=1.0)), 38)
+    assert max(asked) == most_samples(machine) == 58
+    assert rest_time(machine, 58) <= 30e-3 < rest_time(machine, 59)
 
 
 def test_the_deadbeat_beside_them_keeps_to_the_thrust_where_the_specified_time_does_not_allow_it() -> None:

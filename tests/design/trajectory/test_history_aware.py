@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
 from design.deadbeat import DesignError, synthesise
 from design.trajectory.history_aware import Limits, Objective, Task, Trajectory, build, least_settling_time, solve
+from design.trajectory.nlp import Program
 from models.friction import elements, follow
 from models.plant import Mode, Plant, sampled
 
@@ -275,3 +277,14 @@ def test_a_failed_iterate_is_kept_and_says_what_to_do() -> None:
 def test_what_means_nothing_is_said(task: Task, says: str) -> None:
     with pytest.raises(DesignError, match=says):
         build(task)
+
+
+def test_a_program_that_ipopt_refuses_to_begin_took_no_iterations_and_says_what_to_do() -> None:
+    program = Program()
+    value = program.variable("value", 1.0)
+    program.subject_to(ca.vertcat(value, 2 * value), program.parameter("least"), np.inf)
+    program.subject_to(ca.vertcat(value, 2 * value), 0, 0)
+    program.minimise(value**2)
+    found = program.build().solve({"least": 0.0}, {"value": 1.0})
+    assert (found.converged, found.iterations) == (False, 0)
+    assert "more samples" in found.advice

@@ -133,7 +133,7 @@ def test_the_tracking_error_waits_as_the_feedback_does_and_turns_motions_down() 
 def test_the_next_motion_is_no_part_of_a_tracking_error(
     machine: Machine, scheme: Scheme, interval: float, samples: int
 ) -> None:
-    """Twice the settling time of 25 ms is more than 45 ms from one motion to the next, of which the last sample is the rest."""
+    """Twice the settling time of 25 ms is more than 45 ms from one motion to the next, less a sample."""
     quick = replace(machine, specification=replace(machine.specification, interval=interval))
     assert looked_at(quick) == samples
     known = sensitivities(quick, scheme, STROKE)
