@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 
 MAX_SHIFT_SAMPLES: Final = 8  # samples by which the command, or the PID's reference, is shifted at most
 SHIFTS: Final = range(-MAX_SHIFT_SAMPLES, MAX_SHIFT_SAMPLES + 1)
+LEAST_COMPARED: Final = (
+    2 * MAX_SHIFT_SAMPLES + 50
+)  # samples that another law has to reproduce: those that no shift meets
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
 TRIED_DELAYS: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
@@ -56,7 +59,8 @@ class Replayed:
     """How far the replayed command is from the logged one: largest and rms difference [N], the tolerance [N], the first
     sample beyond it (departs), and the best of the changes that were tried (remedy) with the rms that remains [N].
 
-    checked: False for a record that has no reference to replay on, or only one of `every` samples. structure: the PID
+    checked: False where the law cannot be replayed, which why_not says in a part of a sentence: a record without a
+    reference, of only one of `every` samples, or of too few. structure: the PID
     or P/PI cascade that leaves least of the commands, whose standard deviation is spread [N], where no such change
     leaves rounding alone. added: the signal that was added behind the controller, where that leaves least.
     command_late: by how many samples the commands were logged late, where that is the remedy; negative: early.
@@ -74,6 +78,7 @@ class Replayed:
     added: Added | None = None
     every: int = 1
     command_late: int = 0
+    why_not: str = ""
 
     @property
     def other(self) -> str | None:
@@ -101,7 +106,8 @@ class Replayed:
 def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> Replayed:
     """The machine's feedback and reference delay, replayed on a record; forces in [N]."""
     if record.every > 1:
-        return Replayed(False, 0.0, 0.0, 0.0, None, None, 0.0, every=record.every)
+        why = f"its log has only one of {record.every} samples"
+        return Replayed(False, 0.0, 0.0, 0.0, None, None, 0.0, every=record.every, why_not=why)
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     plain, made, begin = _plainly(machine, record, criteria)
     if plain.replays:
@@ -145,7 +151,7 @@ def reproduces(machine: Machine, record: Record, criteria: Criteria = Criteria()
 def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Replayed, Array, int]:
     """(what the law as stated leaves, the commands that it makes (n,) [N], the sample from which on they count)."""
     feedback, delay = machine.control.feedback, machine.control.reference_delay
-    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
+    begin = _beginning(feedback, record)
     made = replay(record, feedback, delay, machine.drive.rated_thrust)
     difference = _difference(record, made, begin, machine.drive.rated_thrust)
     spread = float(np.std(record.command[begin:]))
@@ -155,7 +161,11 @@ def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Repl
     departs = int(beyond[0]) + begin if beyond.size else None
     still = np.ptp(record.reference) == 0 and float(np.std(record.position)) > 10 * machine.scale.resolution
     if departs is not None and still:
-        return Replayed(False, largest, rms, tolerance, None, None, rms), made, begin
+        return Replayed(False, largest, rms, tolerance, None, None, rms, why_not="it has no reference"), made, begin
+    least = begin + LEAST_COMPARED
+    if record.command.size < least:
+        why = f"it is too short to replay: {record.command.size} samples, of at least {least}"
+        return Replayed(False, largest, rms, tolerance, None, None, rms, why_not=why), made, begin
     return Replayed(True, largest, rms, tolerance, departs, None, rms, spread=spread), made, begin
 
 
@@ -168,7 +178,7 @@ def added_signals(machine: Machine, record: Record) -> Record:
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     alone = replace(record, feedforward=np.zeros(record.command.size))
     beyond = record.command - replay(alone, feedback, delay, machine.drive.rated_thrust)
-    begin = min(starting(feedback, record.sample_time), max(record.command.size // 4, STARTING))
+    begin = _beginning(feedback, record)
     settled = slice(begin, begin + STARTING)
     held = float(np.median((beyond - record.feedforward)[settled])) if _integrates(feedback) else 0.0
     return replace(record, feedforward=np.concatenate([record.feedforward[:begin], beyond[begin:] - held]))
@@ -177,6 +187,12 @@ def added_signals(machine: Machine, record: Record) -> Record:
 def _integrates(feedback: Feedback) -> bool:
     """Whether a constant in the commands may be what an integral held before the record."""
     return isinstance(feedback, Law) or feedback.ki != 0
+
+
+def _beginning(feedback: Feedback, record: Record) -> int:
+    """The sample from which on a record's replay counts [-]; of a short record none may."""
+    shortest = min(max(record.command.size // 4, STARTING), record.command.size - 1)
+    return min(starting(feedback, record.sample_time), shortest)
 
 
 def starting(feedback: Feedback, sample_time: float) -> int:

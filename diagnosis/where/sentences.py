@@ -97,8 +97,7 @@ def _controller(where: Where) -> Iterator[Statement]:
     for i, one in enumerate(where.controller):
         record = f"record {i + 1}" if len(where.controller) > 1 else "the record"
         if not one.checked:
-            why = "it has no reference" if one.every == 1 else f"its log has only one of {one.every} samples"
-            text = f"Whether the stated controller made {record} cannot be checked, because {why}."
+            text = f"Whether the stated controller made {record} cannot be checked, because {one.why_not}."
             yield Statement(Topic.UNCHECKED, text)
         elif one.added is not None and one.replays:
             yield Statement(Topic.CONTROLLER, added_in_words(one, one.added, record, where.sample_time))

@@ -84,6 +84,7 @@ def _details(where: Where) -> dict[str, Any]:
             {
                 "replays": one.replays,
                 "checked": one.checked,
+                "why_not": one.why_not,
                 "every": one.every,
                 "largest_N": one.largest,
                 "rms_N": one.rms,

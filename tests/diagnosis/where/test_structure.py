@@ -207,3 +207,17 @@ def test_too_little_is_not_fitted() -> None:
     record = recorded(axis(BARE))
     assert structure(record.part(0, 150), 60) is None
     assert structure(replace(record, reference=np.zeros(3000)), 60) is None
+
+
+@pytest.mark.parametrize("samples", [5, 64, 70, 125])
+def test_of_a_short_record_nobody_says_which_controller_made_it(samples: int) -> None:
+    """A shift of the commands is looked for over 8 samples either way, behind the 60 in which the replay settles."""
+    machine = under(PID(3e5, 2e7, 4e3, 0.3e-3))
+    made = recorded(machine)
+    part = {name: getattr(made, name)[100 : 100 + samples] for name in ("target", "reference", "feedforward")}
+    part |= {"command": 1.3 * made.command[100 : 100 + samples], "position": made.position[100 : 100 + samples]}
+    found = replayed(machine, replace(made, **part))
+    assert not found.checked
+    assert found.why_not == f"it is too short to replay: {samples} samples, of at least {min(samples - 1, 60) + 66}"
+    longer = replayed(machine, replace(made, command=1.3 * made.command))
+    assert (longer.checked, longer.replays, longer.why_not) == (True, False, "")
