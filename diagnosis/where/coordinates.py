@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -342,16 +343,21 @@ def _waves(weight: Array, place: Array, inverse: Array) -> NDArray[np.complex128
 
 
 def parity(signal: Array, speed: Coordinate, samples: Samples, seed: int = 0) -> tuple[Explained, Explained]:
-    """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves."""
+    """How much of a signal (n,) is an even, and how much an odd function of the speed [m/s], while the table moves.
+
+    Both are shares of the signal's energy about its mean. Turned with the speed it keeps that energy, and has a mean of
+    its own, which is no constant of the signal but the part that turns with the speed, as Coulomb friction does.
+    """
     moving = replace(samples, counts=samples.counts & (np.abs(speed.values) > slowest(samples)))
     size = replace(speed, name="even", values=np.abs(speed.values), turns=None)
     if np.count_nonzero(moving.counts) < 10 * KNOTS:
         nothing = np.zeros(1)
         none = explained(size, nothing, nothing, nothing, nothing, seed)
         return none, replace(none, name="odd")
-    sign = np.sign(speed.values)
-    turned = explain(centred(signal, moving) * sign, replace(size, name="odd"), moving, seed)
-    return explain(signal, size, moving, seed), turned
+    z = centred(signal, moving)
+    turned, energy = z * np.sign(speed.values), energies(z, moving)
+    even, odd = (Target(partial(by_motion, signal=one, motion=moving.motion), energy) for one in (z, turned))
+    return explain_target(even, size, moving, seed), explain_target(odd, replace(size, name="odd"), moving, seed)
 
 
 def folds(motions: int, seed: int) -> Integers:

@@ -53,7 +53,10 @@ def sides(
     samples: Samples,
     seed: int = 0,
 ) -> tuple[Side, ...]:
-    """The chosen coordinates as a force and, for time and position, as a reading; and a fine period of the position."""
+    """The chosen coordinates as a force and, for time and position, as a reading; and a fine period of the position.
+
+    The same columns make both: a scale whose error turns with the motion would else be described by the force alone.
+    """
     found = []
     for coordinate in chosen:
         basis, _ = hat_functions(coordinate, samples.counts)
@@ -61,7 +64,7 @@ def sides(
         force = _gain(as_force(fitted, records, turned), projection, records, samples, seed)
         may = coordinate.name in {"time", "position"}
         reading = (
-            _gain(_as_reading(fitted, records, basis, samples.units), projection, records, samples, seed)
+            _gain(_as_reading(fitted, records, turned, samples.units), projection, records, samples, seed)
             if may
             else 0.0
         )

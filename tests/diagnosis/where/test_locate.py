@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.experiments.schedules import Move, multisine, schedule
+from diagnosis.model.fit import weights
 from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
-from diagnosis.records.motions import MotionKind, pieces, repeated
+from diagnosis.records.motions import MotionKind, numbered, pieces, repeated
 from diagnosis.where.controller import _scaled, replayed
-from diagnosis.where.coordinates import Coordinate, explain, periodogram, pitches, since_turn
+from diagnosis.where.coordinates import Coordinate, coordinates, explain, parity, periodogram, pitches, since_turn
 from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths
 from diagnosis.where.force import FAST_WALK, REACH, SLOW_WALK, steady_deviation
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
 from diagnosis.where.serialise import pictures, to_json
-from diagnosis.where.side import force_or_reading
+from diagnosis.where.side import force_or_reading, sides
+from diagnosis.which.scan import partial_out
 from models.records.checks import replay
 from models.records.record import Record
 from studies.command import to_text
@@ -51,6 +54,40 @@ def samples(motions: int, length: int) -> Samples:
         np.where(number % 2 == 0, 1.0, -1.0),
         np.ones(number.size, bool),
     )
+
+
+def test_an_error_of_the_scale_that_turns_with_the_motion_is_no_force_for_certain() -> None:
+    """0.3 µm times the direction: curves that turn with it describe the reading as well as they do the force."""
+    record = case("")[0][1]
+    way = np.sign(np.gradient(record.reference))
+    way = way[np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))]
+    off = [replace(record, position=record.position + 0.3e-6 * np.convolve(way, np.full(20, 1 / 20), "same"))]
+    fit, known = fitted(table(), off), pieces(off)
+    motion = numbered(known, off)
+    labels = label_samples(off, known, motion, weights(off), 0.025)
+    (place,) = (one for one in coordinates(fit, off, labels) if one.name == "position")
+    found = sides(fit, off, partial_out(fit, motion), [place], labels)
+    assert force_or_reading(found) == "either"
+
+
+@pytest.mark.parametrize(
+    ("force", "even", "odd"),
+    [
+        (np.sign, 0.0, 1.0),
+        (lambda v: np.sign(v) + 3 * v, 0.0, 1.0),
+        (np.abs, 1.0, 0.0),
+        (lambda v: np.sign(v) + 50 * (np.abs(v) - 0.055), 0.63, 0.37),
+    ],
+    ids=["sign", "sign and viscous", "even", "both"],
+)
+def test_what_turns_with_the_speed_is_odd_though_it_does_not_depend_on_its_size(
+    force: Callable[[Array], Array], even: float, odd: float
+) -> None:
+    """Shares of one energy: of a Coulomb force with a part over |v| of variance 50² 0.09² / 12 they sum up to 1."""
+    motions = samples(240, 20)
+    speed = motions.direction * np.random.default_rng(0).uniform(0.01, 0.1, motions.direction.size)
+    found = parity(force(speed), Coordinate("velocity", "m/s", speed, logarithmic=True), motions)
+    assert [one.share for one in found] == pytest.approx([even, odd], abs=0.03)
 
 
 @pytest.mark.parametrize("walk", [SLOW_WALK * WHITE_FORCE, 0.05])
