@@ -103,6 +103,8 @@ def check_count(records: Sequence[Record], loop: float) -> None:
 
 def _piece(record: Record, number: int, start: int, stop: int) -> Piece:
     reference = record.reference[start:stop]
+    if start > 0 and np.ptp(reference) == 0:  # a reference that is the stepping target itself moves at the step alone
+        reference = record.reference[start - 1 : stop]
     stroke = float(np.ptp(reference))
     if stroke == 0:
         excited = np.std(np.diff(record.feedforward[start:stop])) > 0 if stop - start > 2 else False

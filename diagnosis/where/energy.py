@@ -115,11 +115,15 @@ def _phases(record: Record, settling: float, units: Units) -> tuple[Integers, Ar
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
     for first, last in edges.reshape(-1, 2):  # LOOK_LOOP_TIMES widens a motion at both ends
         start, stop = (int(first) + wide if first > 0 else 0), (int(last) - wide if last < n else n)
-        if stop - start < 3:
+        if stop < start:
             continue
-        phase[start:stop] = _within(speed[start:stop])
-        phase[start : start + max(round(BEGINNING * (stop - start)), 1)] = PHASES.index("start")
+        lasts = stop - start
+        if lasts < 3:  # the reference jumps: what follows is the table's settling, and the beginning of that its start
+            stop, lasts = start, round(settling / ts)
+        else:
+            phase[start:stop] = _within(speed[start:stop])
         phase[stop : stop + round(settling / ts)] = PHASES.index("settle")
+        phase[start : start + max(round(BEGINNING * lasts), 1)] = PHASES.index("start")
     sign = np.sign(gone) * moves
     held = np.maximum.accumulate(np.where(sign != 0, np.arange(n), 0))
     return phase, sign[held]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -48,6 +49,19 @@ def test_moves_of_nearly_one_size_are_of_one_kind_and_equal_ones_repeat() -> Non
     assert [piece.direction for piece in moving] == [1, -1] * 3
     groups = repeated(moving, [back_and_forth])
     assert sorted(groups) == [(0, 2), (1, 3)], "the last two moves are longer"
+
+
+def test_steps_of_a_reference_that_is_the_target_are_motions_that_repeat() -> None:
+    """Within a piece such a reference stands still: it jumps on its first sample."""
+    moves = record(10e-6, 0.0, 10e-6, 0.0, 11e-6, 0.0)
+    stepping = replace(moves, reference=moves.target)
+    rest, *moving = pieces([stepping])
+    assert rest.kind.rests
+    (kind,) = {piece.kind for piece in moving}
+    assert (kind.stroke, kind.speed) == pytest.approx((1e-5, 1e-2))
+    assert [piece.direction for piece in moving] == [1, -1] * 3
+    assert [piece.origin for piece in moving] == [0.0, 10e-6, 0.0, 10e-6, 0.0, 11e-6]
+    assert sorted(repeated(moving, [stepping])) == [(0, 2), (1, 3)], "the last two moves are longer"
 
 
 def test_what_happens_at_rest_is_a_kind() -> None:
