@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
-from reports.units import length_unit
+from reports.units import length_unit, time_unit
 from studies.wording import filters
 
 Results = Mapping[str, Any]
@@ -25,7 +25,7 @@ LOOPS = {"P_l": "$P_l$", "P_e1": "$P_{e1}$", "P_e2": "$P_{e2}$", "steepest": "st
 
 def tell(whole: Results) -> Report:
     """The report on what results.json holds."""
-    rows = ("results.front", "results.present", "results.rules", "results.chosen")
+    rows = ("results.front", "results.present", "results.rules", "results.chosen", "results.limits")
     figures = [
         Figure("front", FRONT, (*rows, "machine.specification"), _front),
         Figure("reversal", REVERSAL, ("results.reversal", "machine.specification"), _reversal),
@@ -125,6 +125,12 @@ def _series(results: Results) -> list[tuple[str, list[Any], dict[str, Any]]]:
     ]
 
 
+def _ends(results: Results) -> tuple[float, float]:
+    """The least and the largest M_s [1] of the figures over it: those of the front and of the present PID fit in."""
+    levels = results["limits"]["ms"]
+    return levels[0], levels[-1]
+
+
 def _front(whole: Results) -> Drawing:
     results, spec = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 1, 54)
@@ -138,7 +144,7 @@ def _front(whole: Results) -> Drawing:
     style.mark_limit(ax, 1e3 * spec["settling_time_s"], f"required,\n{1e3 * spec['settling_time_s']:g} ms")
     bound = results["chosen"]["bound"]
     style.mark_limit(ax, bound, f"chosen, $M_s \\leq$ {bound:g}", axis="x")
-    ax.set_xlim(1.15, 3.15)
+    ax.set_xlim(*_ends(results))
     ax.set_ylim(0.6 * fastest, top * 1.1)
     ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.yaxis.set_major_formatter("{x:g}")
@@ -182,7 +188,7 @@ def _gains(whole: Results) -> Drawing:
     axes[0, 1].set_ylabel("crossover on $P_l$ [Hz]")
     axes[0, 1].set_ylim(bottom=0)
     for ax in axes[0]:
-        ax.set_xlim(1.15, 3.15)
+        ax.set_xlim(*_ends(results))
         ax.set_xlabel("$M_s$")
     axes[0, 0].legend(loc="lower right")
     return figure
@@ -203,7 +209,8 @@ def _limits(whole: Results) -> Drawing:
     for frequency in limits["modes_Hz"]:
         left.axhline(frequency, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
         words: dict[str, Any] = {"fontsize": 7, "va": "top", "ha": "right", "textcoords": "offset points"}
-        left.annotate(f"mode at {frequency:.3g} Hz", (3.13, frequency), xytext=(0, -2), **words)
+        words |= {"xycoords": left.get_yaxis_transform()}
+        left.annotate(f"mode at {frequency:.3g} Hz", (0.99, frequency), xytext=(0, -2), **words)
     left.set_ylabel("crossover [Hz]")
     left.set_ylim(bottom=0)
     right.plot(
@@ -221,7 +228,7 @@ def _limits(whole: Results) -> Drawing:
     right.set_ylabel("area of ln|S| below 0 [Hz]")
     right.set_ylim(bottom=0)
     for ax in axes[0]:
-        ax.set_xlim(1.15, 3.15)
+        ax.set_xlim(*_ends(results))
         ax.set_xlabel("$M_s$")
         ax.legend(loc="upper left")
     left.set_ylim(top=1.25 * max(limits["crossover_Hz"]))
@@ -309,17 +316,19 @@ def _sensitivities(whole: Results) -> Drawing:
 def _between(whole: Results) -> Drawing:
     between = whole["results"]["between"]
     figure, axes = style.subplots(1, 2, 56)
-    time = 1e3 * np.array(between["time_s"])
+    largest = max(float(np.max(np.abs(between[name]["path_m"]))) for name in ("P_l", "steepest"))
+    (count, unit), (times, of_time) = length_unit(largest), time_unit(between["time_s"][-1])
+    time = times * np.array(between["time_s"])
     for ax, name in ((axes[0, 0], "P_l"), (axes[0, 1], "steepest")):
         path, samples = between[name]["path_m"], between[name]["samples_m"]
-        ax.plot(time, 1e6 * np.array(path), linestyle="-", linewidth=0.9, label="ten points a sample")
+        ax.plot(time, count * np.array(path), linestyle="-", linewidth=0.9, label="ten points a sample")
         spacing = len(path) // len(samples)
         look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 2.2, "color": style.VERMILION}
-        ax.plot(time[::spacing], 1e6 * np.array(samples), label="at the samples", **look)
+        ax.plot(time[::spacing], count * np.array(samples), label="at the samples", **look)
         ax.set_title(LOOPS[name])
-        ax.set_xlabel("time [ms]")
+        ax.set_xlabel(f"time [{of_time}]")
         ax.set_xlim(0, time[-1])
-    axes[0, 0].set_ylabel("position [µm]")
+    axes[0, 0].set_ylabel(f"position [{unit}]")
     axes[0, 1].legend(loc="upper right")
     return figure
 

@@ -89,16 +89,21 @@ def noise(machine: Machine, member: Member, feedback: Feedback) -> float:
     return machine.scale.reading_deviation * rms(sensitivity(member.plant, feedback, "CS"))
 
 
+def _when(time: float) -> str:
+    """When a motion settles [s], in words; infinity for one that never does."""
+    return f"in {show(time, 's')}" if math.isfinite(time) else "never settles"
+
+
 def summary(results: dict[str, Any]) -> list[tuple[str, str]]:
     """The present feedback, the chosen PID and the fastest one in a line each, and what else a reader has to know."""
     present, chosen, fastest = (results[key] for key in ("present", "chosen", "fastest"))
 
     def line(row: dict[str, Any]) -> str:
         said = f"Ms {row['ms']:.3g} at worst ({row['worst_plant']}), ki {row['ki_N_per_ms']:.3g} N/(m s)"
-        said += f", a reversal settles in {show(row['settling_s'], 's')}"
+        said += f", a reversal {'settles ' if math.isfinite(row['settling_s']) else ''}{_when(row['settling_s'])}"
         margin = row["settling"]["reversal"]
         change = "smaller" if margin["nearest_m"] == margin["less_m"] else "larger"
-        near = f"in {show(margin['otherwise_s'], 's')} if its error is {show(margin['nearest_m'], 'm', 2)} {change}"
+        near = f"{_when(margin['otherwise_s'])} if its error is {show(margin['nearest_m'], 'm', 2)} {change}"
         return f"{said} ({near})" if math.isfinite(margin["nearest_m"]) else said
 
     stated = f"present feedback, {present['feedback']}" if present["feedback"] else "present PID"

@@ -14,18 +14,21 @@ import pytest
 
 from design.controller import default_controller
 from design.family import family
+from design.loop import assess
 from design.pid.front import assessed_point
 from design.pid.problem import Attempt, TuningError
 from design.validation import validate
-from models.controller import load
+from models.controller import PID, load
 from models.machine import Provenance
 from models.machine import load as load_machine
+from reports import text
 from studies.command import DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
-from studies.pid_tradeoff.compute import _keeps_present, _wanted
+from studies.pid_tradeoff.compute import _keeps_present, _settles_alone, _wanted, loop_curve, shown_levels
 from studies.pid_tradeoff.options import TradeoffOptions
 from studies.pid_tradeoff.refusal import refusal
-from studies.pid_tradeoff.report import _gain
+from studies.pid_tradeoff.report import _gain, tell
+from studies.pid_tradeoff.rows import summary
 from tests.design.machines import far_side
 
 TS = 5e-4
@@ -65,6 +68,66 @@ def test_a_present_feedback_that_is_better_with_compensation_is_kept() -> None:
     patient = replace(machine, specification=replace(machine.specification, settling_time=1.0))
     assert _keeps_present(present, (quick, slow), present.ms, patient)
     assert not _keeps_present(present, (quick, slow), 0.9 * present.ms, patient)
+
+
+@pytest.mark.parametrize(
+    ("settles", "over_runs", "enough", "said"),
+    [
+        (24e-3, 24.5e-3, 1.6, "**Feedback alone is enough: at $M_s$ = 1.90"),
+        (24e-3, 26e-3, 2.0, "**Not for certain: at $M_s$ = 1.60"),
+        (None, None, 2.0, "**Not for certain: at $M_s$ = 1.60"),
+        (30e-3, 31e-3, 2.5, "**Not enough: only at $M_s$ = 1.60"),
+    ],
+)
+def test_whether_feedback_alone_is_enough_is_told_of_the_pid_that_is_written(
+    settles: float | None, over_runs: float | None, enough: float, said: str, folder: Path
+) -> None:
+    """Another PID of the front that is in time is not the one that the recommendation gives the gains of."""
+    whole = read(folder, "results.json")
+    results, (other, *_) = whole["results"], whole["results"]["front"]
+    chosen = results["chosen"]
+    reversal = chosen["settling"]["reversal"] | {"single_s": settles, "quantile_s": over_runs}
+    times = {key: value or math.inf for key, value in reversal.items() if key in {"single_s", "quantile_s"}}
+    alone = _settles_alone({"settling": {"reversal": times}}, 25e-3)
+    chosen = chosen | {"ms": 1.9, "settling_s": settles, "settling": chosen["settling"] | {"reversal": reversal}}
+    results |= {"alone": alone, "chosen": chosen, "enough": other | {"ms": 1.6, "bound": enough}, "keep_present": False}
+    report = tell(whole)
+    page = text.fill(report.template, whole, {one.name: one.caption for one in report.figures}, report.filters)
+    assert said in page
+    assert ("and keep the friction compensation" in page) != alone
+
+
+def test_figures_over_ms_hold_every_point_and_bound() -> None:
+    machine = load_machine()
+    every = family(machine, 0.05, 0.05, ())[:1]
+    gains = [replace(machine.control.pid, kp=factor * machine.control.pid.kp) for factor in (1.0, 3.0)]
+    points = [assessed_point("present", pid, every) for pid in gains]
+    points.append(replace(points[0], bound=1.1 * max(point.ms for point in points)))
+    levels = shown_levels(points)
+    assert max(point.ms for point in points) > 3.15
+    assert levels[0] < min(point.ms for point in points)
+    assert levels[-1] > max(point.bound or point.ms for point in points)
+
+
+def test_nyquists_plot_holds_the_crossover_of_a_slow_loop() -> None:
+    """One at 2 Hz comes nearest to -1 below 5 Hz."""
+    member = family(load_machine(), 0.05, 0.05, ())[0]
+    slow = PID(7e3, 1.5e4, 600.0, 5e-3)
+    loop = assess(member.plant, slow)
+    assert loop.crossover < 2 * math.pi * 3
+    drawn = loop_curve(member, slow, 0.1 * loop.crossover)
+    assert np.min(np.abs(1 + drawn)) == pytest.approx(1 / loop.ms.value, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("time", "said"), [(0.03, "settles in 30 ms (in 20 ms if"), (math.inf, "reversal never settles (never settles if")]
+)
+def test_a_motion_that_never_settles_does_not_settle_in_never(time: float, said: str, folder: Path) -> None:
+    results = read(folder, "results.json")["results"]
+    margin = {"nearest_m": 1e-8, "less_m": 1e-8, "otherwise_s": time if math.isinf(time) else 0.02}
+    row = {**results["present"], "settling_s": time, "settling": {"reversal": margin}}
+    lines = summary({**results, "present": row, "chosen": row, "fastest": row})
+    assert sum(said in text for _, text in lines) == 3
 
 
 def test_the_front_trades_stability_for_suppression(folder: Path) -> None:
