@@ -22,7 +22,7 @@ from diagnosis.where.coordinates import SLOWEST, by_motion, held_out
 from models.effects.measured import SIGNED, UNITS, Measured
 from models.effects.priors import Units
 from models.records.record import Record
-from models.simulation.effect_kernel import replay
+from models.simulation.effect_kernel import Path, replay
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -35,7 +35,7 @@ BINS_PER_KNOT: Final = 4  # to a knot, in which the force is averaged for that
 TURN: Final = (6.0, 0.05)  # deviations of the reading, and contacts' lengths: the way back that makes a reversal
 FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over the command and the path begin
 SHORTLIST: Final = 4  # curves that are fitted to the innovations
-MAX_COORDINATE: Final = 1e4  # SI: beyond any coordinate of an axis in motion, but the command's
+MAX_COORDINATE: Final = 1e4  # SI: a line over a coordinate goes so far at least, whatever the record shows
 SYMMETRIES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("plain", "directional"),
     "position": ("plain", "directional"),
@@ -140,7 +140,8 @@ def coordinate_values(coordinate: str, fitted: Fit, records: Sequence[Record], k
     """What the effect sees as this coordinate at all samples (n,), one record after another, in its unit [SI]."""
     machine = fitted.candidate.machine
     slow, turn = slow_and_turn(known)
-    far = max(MAX_COORDINATE, 10 * known.thrust) if coordinate == "command" else MAX_COORDINATE
+    shown = max(_farthest(coordinate, one.path) for one in fitted.residuals)
+    far = max(MAX_COORDINATE, 2 * shown, 10 * known.thrust if coordinate == "command" else 0.0)
     line = Measured(coordinate, (-far, far), (-far, far), slow=slow, turn=turn)  # type: ignore[arg-type]
     seen = [
         replay(
@@ -154,6 +155,18 @@ def coordinate_values(coordinate: str, fitted: Fit, records: Sequence[Record], k
         for one, record in zip(fitted.residuals, records, strict=True)
     ]
     return np.concatenate(seen)
+
+
+def _farthest(coordinate: str, path: Path) -> float:
+    """How far a path goes over a coordinate at most [SI]; 0 for the command, which no path bounds."""
+    step, speed = path.sample_time / path.speed.shape[1], path.speed.ravel()
+    if coordinate == "acceleration":
+        return float(np.max(np.abs(np.diff(speed, prepend=0.0))) / step)
+    if coordinate in {"time", "rest"}:
+        return float(step * speed.size)
+    if coordinate == "speed":
+        return float(np.max(np.abs(speed)))
+    return 0.0 if coordinate == "command" else 2 * float(np.max(np.abs(path.position)))
 
 
 def _knots(coordinate: str, symmetry: str, values: Array, known: Units) -> list[float]:

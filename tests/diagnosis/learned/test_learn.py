@@ -20,11 +20,12 @@ from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
+from diagnosis.learned.curves_tried import coordinate_values
 from diagnosis.learned.learn import Learned, learned, little_judged, objection
 from diagnosis.learned.left_out import Judgement
 from diagnosis.null import Null
 from diagnosis.records.motions import MotionKind, pieces
-from diagnosis.records.units import loop_time, with_units
+from diagnosis.records.units import loop_time, units, with_units
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.which.stage import Stage
@@ -36,6 +37,7 @@ from models.machine_file import to_toml
 from tests.diagnosis.learned.outsiders import Bump, Joint, OneSided
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
+from tests.diagnosis.where.cases import case
 
 MACHINE = table()
 BUMP = Bump(3.0, 9e-3, 2.5e-3)
@@ -308,3 +310,15 @@ def test_a_spring_that_few_motions_judge_is_one_where_those_surely_close_some(
     reason = objection(judged, Criteria())
     assert reason
     assert Learned(law, values - 0.05, values + 0.05, judged, fitted, reason).pulls_back(0.05) is pulls
+
+
+def test_a_coordinate_goes_as_far_as_the_record_does() -> None:
+    """A light rotor's accelerations are above 1e4 rad/s^2, and so were cut off there."""
+    records, fit = case("")
+    known = units(fit.candidate.nominal, records)
+    usual = coordinate_values("acceleration", fit, records, known)
+    quick = replace(
+        fit, residuals=tuple(replace(one, path=one.path._replace(speed=1e4 * one.path.speed)) for one in fit.residuals)
+    )
+    assert np.max(np.abs(usual)) > 1
+    assert coordinate_values("acceleration", quick, records, known) == pytest.approx(1e4 * usual, rel=1e-9, abs=1e-6)
