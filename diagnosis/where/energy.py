@@ -33,6 +33,7 @@ BOOTSTRAP_DRAWS: Final = 400  # bootstrap samples
 INTERVAL: Final = (0.025, 0.975)
 # Bands and wavelengths are round numbers for a reader; nothing is decided by them.
 DECADES: Final = 4  # edges between wavelengths: powers of ten, the longest of which fits into the way once at least
+LEAST_BAND: Final = 10 ** (1 / 3)  # between the ends of the last band: a narrower one is a part of the one before
 BANDS: Final = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # Hz; the last one ends at half the sampling frequency
 
 
@@ -204,16 +205,18 @@ def by_band(
 
 
 def bands(sample_time: float) -> list[tuple[float, float]]:
-    """The bands of frequency [Hz] up to half the sampling frequency."""
+    """The bands of frequency [Hz] up to half the sampling frequency; what is left over of one is no band by itself."""
     half = 0.5 / sample_time
-    return list(itertools.pairwise([*(edge for edge in BANDS if edge < half), half]))
+    return list(itertools.pairwise([*(edge for edge in BANDS if edge * LEAST_BAND < half), half]))
 
 
 def _band(signal: Array, low: float, high: float, sample_time: float) -> Array:
-    """The part of a signal (n,) with low <= frequency < high [Hz], in the signal's unit."""
+    """The part of a signal (n,) with low <= frequency < high [Hz], in the signal's unit; half the sampling frequency
+    is a part of the band that ends there."""
     spectrum = np.fft.rfft(signal - np.mean(signal))
     frequency = np.fft.rfftfreq(signal.size, sample_time)
-    spectrum[(frequency < low) | (frequency >= high)] = 0.0
+    last = high >= 0.5 / sample_time
+    spectrum[(frequency < low) | (frequency >= high) & (not last)] = 0.0
     return np.asarray(np.fft.irfft(spectrum, signal.size))
 
 

@@ -127,8 +127,9 @@ def added_in_words(one: Replayed, signal: Added, record: str, sample_time: float
             " Or the command is logged before the feedforward is added to it; then map a column that holds their sum."
         )
         logged = before if abs(signal.gain) <= OMITTED else ""
+        named = f"{signal.name}, which is mapped to the feedforward," if signal.column else signal.name
         return (
-            f"The stated controller made {record}, but {signal.name}, which is mapped to the feedforward, {how}: "
+            f"The stated controller made {record}, but {named} {how}: "
             f"{rest}. As mapped, the replay differs from the logged command by up to {show(one.largest, 'N', 3)} "
             f"({show(one.rms, 'N', 3)} rms); the diagnosis takes it as it acts.{logged}"
         )

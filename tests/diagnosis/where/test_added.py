@@ -70,7 +70,7 @@ def test_a_feedforward_that_does_not_act_is_said_without_a_name(plain: Record) -
     assert found.added is not None
     assert found.added.gain == pytest.approx(0.0, abs=1e-9)
     told = added_in_words(found, found.added, "the record", 1e-3)
-    assert "but the feedforward, which is mapped to the feedforward, does not act" in told
+    assert "but the feedforward does not act: " in told
     assert told.endswith("is added to it; then map a column that holds their sum.")
 
 
