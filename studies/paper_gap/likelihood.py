@@ -92,15 +92,17 @@ def _largest(its: Mapping[str, Mapping[str, Sequence[Draw]]], test: Callable[[Dr
 
 
 def _odds(shares: Mapping[str, Mapping[str, Any]], seed: int) -> dict[str, Any]:
-    """The probability of each kind with its interval, with equal odds beforehand; None where no draw agrees."""
+    """The probability of each kind with its interval, with equal odds beforehand; None where no draw agrees.
+
+    The median of the draws that its interval is of: the ratio of the shares may lie outside, as a share of 0 does.
+    """
     if not any(one["count"] for one in shares.values()):
         return dict.fromkeys(shares)
     rng = np.random.default_rng(seed)
     drawn = np.array([rng.beta(one["count"] + 0.5, one["of"] - one["count"] + 0.5, SAMPLES) for one in shares.values()])
     drawn /= drawn.sum(axis=0)
-    whole = sum(one["share"] for one in shares.values())
-    ends = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=1)
+    low, middle, high = np.quantile(drawn, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=1)
     return {
-        kind: {"probability": one["share"] / whole, "interval": ends[:, i]}
-        for i, (kind, one) in enumerate(shares.items())
+        kind: {"probability": float(middle[i]), "interval": np.array([low[i], high[i]])}
+        for i, kind in enumerate(shares)
     }

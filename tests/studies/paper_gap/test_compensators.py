@@ -72,7 +72,10 @@ def one(name: str, distance: float, *, without: float = 0.0, loose: float = 0.0)
 
 
 def test_the_odds_are_those_of_the_shares() -> None:
-    """Two of four draws of a design agree, one of four of a parameter, none of an effect; with one found by search."""
+    """Two of four draws of a design agree, one of four of a parameter, none of an effect; with one found by search.
+
+    Each probability is within its interval, also that of a kind of which no draw agrees.
+    """
     found = replace(one("dead_time", 0.0), found=True)
     explored = {
         "limit_spacing": {"alone": [one("limit_spacing", 0.0)] * 2 + [one("limit_spacing", 1e-6, loose=1e-6)] * 2},
@@ -84,8 +87,12 @@ def test_the_odds_are_those_of_the_shares() -> None:
     assert shares == {"compensator": 0.5, PARAMETERS: 0.25, EFFECTS: 0.0}
     assert told["kinds"][EFFECTS]["pattern"]["share"] == 0.25
     odds = told["odds"]["pattern_fits"]
-    assert odds["compensator"]["probability"] == pytest.approx(2 / 3)
-    assert odds["compensator"]["interval"][0] < 2 / 3 < odds["compensator"]["interval"][1]
+    for row in odds.values():
+        assert row["interval"][0] < row["probability"] < row["interval"][1]
+    many = {name: {"alone": ways["alone"][:4] * 250} for name, ways in explored.items()}
+    odds = evidence(many, 0.1, 1)["odds"]["pattern_fits"]
+    assert odds["compensator"]["probability"] == pytest.approx(2 / 3, abs=2e-3)
+    assert 0 < odds[EFFECTS]["interval"][0] < odds[EFFECTS]["probability"] < odds[EFFECTS]["interval"][1] < 4e-3
     none = {name: {"alone": [one(name, 1e-6, loose=1e-6)]} for name in explored}
     assert evidence(none, 0.1, 1)["odds"]["pattern_fits"] == dict.fromkeys(shares)
 

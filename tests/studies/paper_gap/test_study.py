@@ -15,6 +15,7 @@ from models.controller import Controller, References
 from models.machine import DEFAULT, load
 from models.records.files import read
 from models.simulation.simulator import simulate
+from reports import text
 from studies.command import BAD_INPUT, main
 from studies.paper_gap.__main__ import STUDY
 from studies.paper_gap.candidates import every
@@ -22,6 +23,7 @@ from studies.paper_gap.decide import decide, gap
 from studies.paper_gap.experiments import depart, measure, menu
 from studies.paper_gap.explore import BEYOND, Case, Draw
 from studies.paper_gap.pattern import Outcome
+from studies.paper_gap.report import tell
 from studies.paper_gap.shown import responses
 
 
@@ -41,6 +43,19 @@ def test_every_candidate_has_a_row_and_a_verdict_that_its_draws_bear_out(results
         for found in row["ways"].values():
             assert (found["closest_m"] == 0) == (found["shown"] > 0)
             assert (found["sizes"] is None) == (found["shown"] == 0)
+
+
+def test_where_every_candidate_shows_the_pattern_none_is_said_not_to(
+    quick_run: Callable[[str], tuple[Path, int]],
+) -> None:
+    folder, _ = quick_run("paper_gap")
+    whole = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    report = tell(whole)
+    captions = {one.name: one.caption for one in report.figures}
+    assert "did not show the pattern" in text.fill(report.template, whole, captions, report.filters)
+    for row in whole["results"]["candidates"]:
+        row["verdict"] = "alone" if row["verdict"] == "never" else row["verdict"]
+    assert "did not show the pattern" not in text.fill(report.template, whole, captions, report.filters)
 
 
 def test_settling_times_come_with_what_they_hang_on_and_their_scatter(results: Any) -> None:
