@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -23,6 +24,12 @@ FEW_RUNS: Final = 10  # in a quick run, with effects or a law, which run one by 
 RUN_SAMPLES: Final = 2_000_000  # samples that all of them have together, about
 LEAST_RUNS: Final = 4
 QUANTILE: Final = 0.95  # that reports state of runs, of starts and of tables
+
+
+def high_end(runs: int) -> str:
+    """What the QUANTILE of so many runs is, as the head of a column: of few runs the longest one is."""
+    last = math.ceil(QUANTILE * (runs - 1)) == runs - 1
+    return f"longest of {runs}" if last else f"{100 * QUANTILE:g} %"
 
 
 def runs_of(machine: Machine, options: Options, most: int = RUNS) -> int:

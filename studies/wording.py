@@ -12,6 +12,7 @@ from models.machines.provenance import Provenance
 from models.quantity import listed, show, span
 from reports.markup import RAISED
 from reports.units import length_unit
+from studies.scattered import high_end
 
 EXPONENT: Final = re.compile(r"(?P<digits>\d(?:\.\d+)?)e(?P<sign>[+-]?)0*(?P<power>\d+)")
 MAX_DIGITS: Final = 12
@@ -44,6 +45,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "span": lambda ends: span(*ends),
         "effect": effect,
         "source": source,
+        "high_end": high_end,
     }
 
 

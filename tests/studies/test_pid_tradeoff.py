@@ -94,6 +94,7 @@ def test_whether_feedback_alone_is_enough_is_told_of_the_pid_that_is_written(
     report = tell(whole)
     page = text.fill(report.template, whole, {one.name: one.caption for one in report.figures}, report.filters)
     assert said in page
+    assert f"| Median | longest of {results['present']['settling']['runs']} | Largest |" in page
     assert ("and keep the friction compensation" in page) != alone
 
 

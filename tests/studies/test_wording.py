@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from models.quantity import turned
 from studies import wording
+from studies.scattered import QUANTILE, high_end
 
 SPACE = "\u00a0"
 
@@ -117,3 +119,11 @@ def test_a_motion_is_in_the_unit_of_its_length() -> None:
 
 def test_one_thing_is_singular() -> None:
     assert [plain(wording.several(count, "table")) for count in (0, 1, 2)] == ["0 tables", "1 table", "2 tables"]
+
+
+@pytest.mark.parametrize("runs", [4, 10, 19, 20, 21, 40, 100])
+def test_the_high_end_of_few_runs_is_the_longest_one(runs: int) -> None:
+    times = np.arange(runs)
+    longest = np.quantile(times, QUANTILE, method="higher") == times[-1]
+    assert high_end(runs) == (f"longest of {runs}" if longest else "95 %")
+    assert longest == (runs <= 20)
