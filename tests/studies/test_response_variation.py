@@ -16,10 +16,12 @@ from design.controller import default_controller
 from design.validation import validate
 from models.ensemble import load_ensemble
 from models.machine import DEFAULT, Machine, load
+from reports import text
 from studies.command import BAD_INPUT, CHECK_MISSED, main
 from studies.response_variation import alternatives
 from studies.response_variation import search as searching
 from studies.response_variation.__main__ import STUDY
+from studies.response_variation.report import tell
 from studies.response_variation.search import HIGH, LARGEST_MS, LOW, TOLERANCE, largest_sensitivity, table
 from studies.response_variation.tables import COORDINATES, coordinates
 
@@ -48,6 +50,23 @@ def test_every_published_outcome_is_met_within_three_per_cent(folder: Path) -> N
     assert len(outcomes) == 9
     for row in outcomes.values():
         assert abs(row["here"] / row["paper"] - 1) <= 0.03, row["name"]
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_the_first_page_concludes_what_its_checks_say(holds: bool, folder: Path) -> None:
+    whole = results(folder)
+    history, dispersion = (
+        next(check for check in whole["checks"] if check["name"].startswith(name))
+        for name in ("share of the reversal's delay", "3 sigma with compensation")
+    )
+    history |= {"holds": holds, "value": 0.95 if holds else 0.4}
+    dispersion["holds"] = not holds
+    report = tell(whole)
+    page = text.fill(report.template, whole, {one.name: one.caption for one in report.figures}, report.filters)
+    assert ("so the friction's history causes the variation." in page) == holds
+    assert ("delay 40 % are due to the friction's history" in page) != holds
+    assert ("The model does *not* reproduce\nthe dispersion" in page) == holds
+    assert ("The model reproduces\nthe dispersion" in page) != holds
 
 
 def test_the_history_makes_the_variation(folder: Path) -> None:
