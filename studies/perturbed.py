@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from models.machine import Machine
-from models.variation import Variation
+from models.variation import Variation, varied
 
 MODE_RANGE: Final = 0.03  # relative error of each frequency
 # Of the tables that a design is judged on, either way and evenly; each mode has a frequency error of its own.
@@ -31,22 +31,32 @@ class Perturbed:
 
 
 def perturbations(machine: Machine) -> dict[str, Perturbed]:
-    """Each perturbation by its name, and all of them together as the last, TOGETHER."""
+    """Each perturbation that changes this machine by its name, and all of them together as the last, TOGETHER.
+
+    A rigid axis has no modes and one without a dead time none that could be off: tables "off in" them would be the
+    machine itself.
+    """
     gain = tuple(0.0 if mode.frequency == 0 else MODE_GAIN for mode in machine.plant.modes)
     parts: dict[str, dict[str, Any]] = {
         "friction's force and length": {
             "friction_force": RANGE.friction_force,
             "friction_length": RANGE.friction_length,
         },
-        "mass and mode frequencies": {"mass": RANGE.mass, "frequency": MODE_RANGE},
+        "mass and mode frequencies" if machine.plant.flexible else "mass": {
+            "mass": RANGE.mass,
+            "frequency": MODE_RANGE,
+        },
         "mode gains": {"modal_gain": gain},
         "damping": {"damping": DAMPING},
         "dead time": {"dead_time": DEAD_TIME * machine.plant.dead_time},
         "constant force": {"offset": OFFSET_FRICTION_SHARE * machine.friction.coulomb_force},
     }
-    found = {name: Perturbed(Variation(**part)) for name, part in parts.items()}
+    as_it_is = varied(machine, Variation())
+    each = {name: Variation(**part) for name, part in parts.items()}
+    found = {name: Perturbed(within) for name, within in each.items() if varied(machine, within) != as_it_is}
     found["friction's state at the start"] = Perturbed(Variation(), start=True)
-    found["scale's noise"] = Perturbed(Variation(), noise=True)
+    if machine.scale.noisy() != machine.scale:
+        found["scale's noise"] = Perturbed(Variation(), noise=True)
     together = {key: most for part in parts.values() for key, most in part.items()}
     found[TOGETHER] = Perturbed(Variation(**together), start=True, noise=True)
     return found
