@@ -13,6 +13,7 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from reports.units import length_unit, time_unit
 from studies.wording import filters
 
 Results = Mapping[str, Any]
@@ -50,12 +51,14 @@ def tell(whole: Results) -> Report:
 def _responses(whole: Results) -> Drawing:
     responses = whole["results"]["responses"]
     figure, axes = style.subplots(2, 1, 80, sharex=True)
-    time = 1e3 * np.array(responses["time_s"])
+    count, unit = length_unit(max(np.max(np.abs(responses[key])) for key in ("position_m", "path_m")))
+    times, of_time = time_unit(responses["time_s"][-1])
+    time = times * np.array(responses["time_s"])
     for key, label in (("position_m", "$x_T^*$"), ("path_m", "path of the compensator")):
-        axes[0, 0].step(time, 1e6 * np.array(responses[key]), where="post", label=label)
-    axes[0, 0].set_ylabel("position [µm]")
+        axes[0, 0].step(time, count * np.array(responses[key]), where="post", label=label)
+    axes[0, 0].set_ylabel(f"position [{unit}]")
     axes[0, 0].legend(loc="lower right")
     axes[1, 0].step(time, responses["thrust_N"], where="post")
     axes[1, 0].set_ylabel("$u_{ff}$ [N]")
-    axes[1, 0].set_xlabel("time from the change of the target [ms]")
+    axes[1, 0].set_xlabel(f"time from the change of the target [{of_time}]")
     return figure

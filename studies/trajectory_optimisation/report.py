@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -13,10 +15,13 @@ from models.quantity import show
 from reports import style
 from reports.markup import Markdown
 from reports.report import Figure, Report
+from reports.units import length_unit, time_unit
 from studies.wording import filters
 
 Results = Mapping[str, Any]
 
+FINEST: Final = 0.1  # of the fine tolerance: where the axis of the largest errors begins
+RESPONSE_SHOWN: Final = 1.6  # settling times of the responses that are drawn
 SPECIFIED = ("machine.specification", "results.wanted")
 LABELS = {
     "deadbeat": "deadbeat alone",
@@ -84,11 +89,15 @@ def tell(whole: Results) -> Report:
         f"Trajectories for {show(results['wanted']['stroke_m'], 'm')} motions with friction: {whole['machine']['name']}"
     )
     question = "Which trajectory makes every motion settle, from any state that earlier motions leave in the friction?"
+    specification = whole["machine"]["specification"]
+    tolerance, settling = specification["tolerance_m"], specification["settling_time_s"]
     own: dict[str, Callable[..., Any]] = {
         "show": _show,
         "share": _share,
-        "micro": _micro,
-        "milli": _milli,
+        "as_length": partial(_in_unit, unit=length_unit(tolerance)[0], typical=tolerance),
+        "as_time": partial(_in_unit, unit=time_unit(settling)[0], typical=settling),
+        "unit_of_length": lambda length: length_unit(length)[1],
+        "unit_of_time": lambda time: time_unit(time)[1],
         "rated": _rated,
     }
     return Report(title, question, Path(__file__).parent / "report.md", tuple(figures), {**filters(), **own}, TABLES)
@@ -108,21 +117,29 @@ def _rated(rate: Mapping[str, Any], tables: int) -> str:
     return f"{rate['hits']} of {tables} (≥ {100 * rate['low']:.1f} %)".replace(" ", "\u00a0")
 
 
-def _micro(length: float | None) -> str:
-    return "never" if length is None else f"{1e6 * length:.2f}"
+def _in_unit(value: float | None, unit: float, typical: float) -> str:
+    """A number (SI) for a table in a unit, so many of which are in 1, with the digits that a typical one needs."""
+    return "never" if value is None else f"{unit * value:.{_decimals(unit * typical)}f}"
 
 
-def _milli(time: float | None) -> str:
-    return "never" if time is None else f"{1e3 * time:.1f}"
+def _decimals(typical: float) -> int:
+    """The decimals [-] that show a hundredth of a typical number."""
+    return max(2 - math.floor(math.log10(typical)), 1)
+
+
+def _units_of(largest: float, time: Sequence[float]) -> tuple[tuple[float, str], tuple[float, str]]:
+    """The units of an axis of lengths up to the largest [m] and of one of times (n,) [s], each as `length_unit`."""
+    return length_unit(largest), time_unit(max(time))
 
 
 def _dispersion(whole: Results) -> Drawing:
     figure, axes = style.subplots(1, 1, 72)
     ax = axes[0, 0]
+    count, unit = length_unit(whole["machine"]["specification"]["tolerance_m"])
     for key, label in LABELS.items():
-        values = 1e6 * np.array(whole["results"]["shown"][key]["dispersions_m"])
+        values = count * np.array(whole["results"]["shown"][key]["dispersions_m"])
         ax.step(values, np.arange(1, values.size + 1) / values.size * 100, where="post", label=label)
-    ax.set_xlabel("3σ after the specified settling time [µm]")
+    ax.set_xlabel(f"3σ after the specified settling time [{unit}]")
     ax.set_ylabel("share of tables [%]")
     ax.set_xlim(left=0)
     ax.set_ylim(0, 101)
@@ -138,21 +155,23 @@ def _envelope(whole: Results) -> Drawing:
     results, specification = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 1, 70)
     ax = axes[0, 0]
-    time = 1e3 * np.array(results["shown_time_s"])
+    wanted = results["wanted"]
+    count, unit = length_unit(specification["tolerance_m"])
+    times, of_time = time_unit(specification["settling_time_s"])
+    time = times * np.array(results["shown_time_s"])
     for key, label in LABELS.items():
-        ax.semilogy(time, 1e6 * np.array(results["shown"][key]["error_m"]), label=label)
-    fine, coarse = 1e6 * results["wanted"]["tolerance_m"], 1e6 * specification["tolerance_m"]
-    ax.axhspan(1e-2, fine, facecolor="#e4e4e4", edgecolor="none", zorder=0.5)
-    style.mark_limit(ax, fine, f"±{fine:g} µm")
-    style.mark_limit(ax, coarse, f"±{coarse:g} µm")
-    style.mark_limit(
-        ax, 1e3 * results["wanted"]["settling_time_s"], f"{1e3 * results['wanted']['settling_time_s']:g} ms", "x"
-    )
-    style.mark_limit(ax, 1e3 * specification["settling_time_s"], f"{1e3 * specification['settling_time_s']:g} ms", "x")
+        ax.semilogy(time, count * np.array(results["shown"][key]["error_m"]), label=label)
+    fine, coarse = count * wanted["tolerance_m"], count * specification["tolerance_m"]
+    least = FINEST * fine
+    ax.axhspan(least, fine, facecolor="#e4e4e4", edgecolor="none", zorder=0.5)
+    style.mark_limit(ax, fine, f"±{fine:g} {unit}")
+    style.mark_limit(ax, coarse, f"±{coarse:g} {unit}")
+    for limit in (wanted["settling_time_s"], specification["settling_time_s"]):
+        style.mark_limit(ax, times * limit, f"{times * limit:g} {of_time}", "x")
     ax.set_xlim(0, time[-1])
-    ax.set_ylim(0.05, 60)
-    ax.set_xlabel("time from the step [ms]")
-    ax.set_ylabel("largest error [µm]")
+    ax.set_ylim(least, 3 * count * wanted["stroke_m"])
+    ax.set_xlabel(f"time from the step [{of_time}]")
+    ax.set_ylabel(f"largest error [{unit}]")
     # Above the axes it hides neither curves nor the labels of the two times.
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.02), ncols=3)
     return figure
@@ -161,11 +180,13 @@ def _envelope(whole: Results) -> Drawing:
 def _responses(whole: Results) -> Drawing:
     results, specification = whole["results"], whole["machine"]["specification"]
     figure, axes = style.subplots(1, 3, 62, sharey=True)
-    time = 1e3 * np.array(results["shown_time_s"])
-    stroke = 1e6 * results["wanted"]["stroke_m"]
+    count, unit = length_unit(results["wanted"]["stroke_m"])
+    times, of_time = time_unit(specification["settling_time_s"])
+    time = times * np.array(results["shown_time_s"])
+    stroke = count * results["wanted"]["stroke_m"]
     for ax, key in zip(axes[0], ("paper", "common", "aware"), strict=True):
-        style.tolerance_band(ax, stroke, 1e6 * specification["tolerance_m"], "tolerance")
-        every = 1e6 * np.array(results["shown"][key]["position_m"])
+        style.tolerance_band(ax, stroke, count * specification["tolerance_m"], "tolerance")
+        every = count * np.array(results["shown"][key]["position_m"])
         for i, position in reversed(list(enumerate(every))):
             first = i == 0
             ax.plot(
@@ -177,11 +198,11 @@ def _responses(whole: Results) -> Drawing:
                 zorder=3 if first else 2,
                 label="reversal" if first else ("inching" if i == 1 else None),
             )
-        style.mark_limit(ax, 1e3 * results["wanted"]["settling_time_s"], "", "x")
+        style.mark_limit(ax, times * results["wanted"]["settling_time_s"], "", "x")
         ax.set_title(LABELS[key])
-        ax.set_xlabel("time from the step [ms]")
-        ax.set_xlim(0, 40)
-    axes[0, 0].set_ylabel("distance travelled [µm]")
+        ax.set_xlabel(f"time from the step [{of_time}]")
+        ax.set_xlim(0, min(RESPONSE_SHOWN * times * specification["settling_time_s"], time[-1]))
+    axes[0, 0].set_ylabel(f"distance travelled [{unit}]")
     axes[0, 2].legend(loc="lower right")
     return figure
 
@@ -189,11 +210,12 @@ def _responses(whole: Results) -> Drawing:
 def _trajectories(whole: Results) -> Drawing:
     results = whole["results"]
     figure, axes = style.subplots(2, 1, 95, sharex=True)
+    (count, unit), (times, of_time) = _units_of(results["wanted"]["stroke_m"], results["designs"]["aware"]["time_s"])
     for key, colour in zip(("deadbeat", "common", "peak", "aware"), style.COLOURS, strict=False):
         design = results["designs"][key]
-        time = 1e3 * np.array(design["time_s"])
+        time = times * np.array(design["time_s"])
         label = "deadbeat" if key == "deadbeat" else LABELS[key]
-        (line,) = axes[0, 0].plot(time, 1e6 * np.array(design["position_m"]), color=colour, label=label)
+        (line,) = axes[0, 0].plot(time, count * np.array(design["position_m"]), color=colour, label=label)
         thrusts = [design["thrust_N"][0], design["thrust_N"][-1]]
         for i, thrust in enumerate(thrusts[: len(design["thrust_N"])]):
             axes[1, 0].step(
@@ -207,11 +229,11 @@ def _trajectories(whole: Results) -> Drawing:
     limit = results["wanted"]["thrust_limit_N"]
     style.mark_limit(axes[1, 0], limit, f"{limit:.4g} N")
     style.mark_limit(axes[1, 0], -limit, f"−{limit:.4g} N")
-    axes[0, 0].axhline(1e6 * results["wanted"]["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
-    axes[0, 0].set_ylabel("$x_T^*$ [µm]")
+    axes[0, 0].axhline(count * results["wanted"]["stroke_m"], color=style.LIMIT, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes[0, 0].set_ylabel(f"$x_T^*$ [{unit}]")
     axes[0, 0].legend(loc="lower right")
     axes[1, 0].set_ylabel("thrust [N]")
-    axes[1, 0].set_xlabel("time from the step [ms]")
+    axes[1, 0].set_xlabel(f"time from the step [{of_time}]")
     return figure
 
 
@@ -219,8 +241,10 @@ def _pareto(whole: Results) -> Drawing:
     results = whole["results"]
     figure, axes = style.subplots(1, 2, 65)
     tried = [one for one in results["shortest"]["tried"] if one["peak_N"] <= 2 * results["wanted"]["rated_N"]]
+    left = [row["sensitivity_m"] for row in results["pareto"]]
+    (count, unit), (times, of_time) = _units_of(max(left), [row["time_s"] for row in (*results["pareto"], *tried)])
     axes[0, 0].plot(
-        [1e3 * one["time_s"] for one in tried],
+        [times * one["time_s"] for one in tried],
         [one["peak_N"] for one in tried],
         linestyle="none",
         marker="x",
@@ -231,17 +255,17 @@ def _pareto(whole: Results) -> Drawing:
         rows = [row for row in results["pareto"] if row["design"] == design]
         if not rows:  # a quick run has none of one kind
             continue
-        time = [1e3 * row["time_s"] for row in rows]
+        time = [times * row["time_s"] for row in rows]
         axes[0, 0].plot(time, [row["peak_N"] for row in rows], marker=marker, label=design)
-        axes[0, 1].plot(time, [1e6 * row["sensitivity_m"] for row in rows], marker=marker, label=design)
+        axes[0, 1].plot(time, [count * row["sensitivity_m"] for row in rows], marker=marker, label=design)
     limit = results["wanted"]["thrust_limit_N"]
     axes[0, 0].axhline(limit, color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)), label=f"limit {limit:.4g} N")
     axes[0, 0].set_ylabel("peak thrust [N]")
     axes[0, 0].set_ylim(bottom=0)
-    axes[0, 1].set_ylabel("error left, root mean square [µm]")
+    axes[0, 1].set_ylabel(f"error left, root mean square [{unit}]")
     axes[0, 1].set_ylim(0, 1.15 * axes[0, 1].dataLim.y1)
     for ax in axes[0]:
-        ax.set_xlabel("table at rest after [ms]")
+        ax.set_xlabel(f"table at rest after [{of_time}]")
         ax.legend(loc="lower left")
     return figure
 
@@ -249,16 +273,20 @@ def _pareto(whole: Results) -> Drawing:
 def _certificate(whole: Results) -> Drawing:
     certificate = whole["results"]["certificate"]
     figure, axes = style.subplots(1, 2, 58)
+    count, unit = length_unit(max(certificate["response_m"]))
     ratio = 100 * np.array(certificate["ratio"])
     axes[0, 0].loglog(
         ratio, certificate["bound_N"], color=style.LIMIT, linestyle=(0, (4, 2)), label="bound: width × $T_{fc}$"
     )
     axes[0, 0].loglog(ratio, certificate["force_N"], marker="o", label=f"order {certificate['order_force']:.2f}")
     axes[0, 1].loglog(
-        ratio, 1e6 * np.array(certificate["response_m"]), marker="o", label=f"order {certificate['order_response']:.2f}"
+        ratio,
+        count * np.array(certificate["response_m"]),
+        marker="o",
+        label=f"order {certificate['order_response']:.2f}",
     )
     axes[0, 0].set_ylabel("force [N]")
-    axes[0, 1].set_ylabel("position [µm]")
+    axes[0, 1].set_ylabel(f"position [{unit}]")
     for ax in axes[0]:
         ax.set_xlabel("smoothing width over the element's limit [%]")
         ax.legend()
@@ -268,15 +296,16 @@ def _certificate(whole: Results) -> Drawing:
 def _failed(whole: Results) -> Drawing:
     failed, wanted = whole["results"]["failed"], whole["results"]["wanted"]
     figure, axes = style.subplots(1, 2, 52)
-    time = 1e3 * np.array(failed["step_s"])
-    axes[0, 0].plot(time, 1e6 * np.array(failed["position_m"]), label="iterate")
-    axes[0, 0].axhline(1e6 * wanted["stroke_m"], color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+    (count, unit), (times, of_time) = _units_of(wanted["stroke_m"], failed["step_s"])
+    time = times * np.array(failed["step_s"])
+    axes[0, 0].plot(time, count * np.array(failed["position_m"]), label="iterate")
+    axes[0, 0].axhline(count * wanted["stroke_m"], color=style.LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
     axes[0, 1].step(time, failed["thrust_N"], where="post")
     limit = wanted["thrust_limit_N"]
     style.mark_limit(axes[0, 1], limit, f"{limit:.4g} N")
     style.mark_limit(axes[0, 1], -limit, f"−{limit:.4g} N")
-    axes[0, 0].set_ylabel("$x_T^*$ [µm]")
+    axes[0, 0].set_ylabel(f"$x_T^*$ [{unit}]")
     axes[0, 1].set_ylabel("thrust [N]")
     for ax in axes[0]:
-        ax.set_xlabel("time from the step [ms]")
+        ax.set_xlabel(f"time from the step [{of_time}]")
     return figure

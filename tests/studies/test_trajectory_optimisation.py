@@ -32,10 +32,12 @@ from models.records.record import motions
 from models.records.settling import settling_time
 from models.simulation.simulator import simulate
 from models.variation import drawn
+from reports import text
 from studies.command import DONE
-from studies.perturbed import RANGE
+from studies.perturbed import RANGE, TOGETHER, perturbations
 from studies.trajectory_optimisation.compute import deadbeat_beside
 from studies.trajectory_optimisation.outcomes import Aim, judge
+from studies.trajectory_optimisation.report import tell
 from studies.trajectory_optimisation.tradeoff import failed_iterate
 
 
@@ -77,6 +79,50 @@ def test_every_scheme_is_judged_on_the_same_tables(folder: Path) -> None:
     assert results["failed"]["converged"] is False
     assert results["failed"]["advice"]
     assert not any("seconds" in key for key in results)
+
+
+def filled(whole: dict[str, Any]) -> str:
+    """The page of the report on results."""
+    report = tell(whole)
+    return text.fill(report.template, whole, {one.name: one.caption for one in report.figures}, report.filters)
+
+
+def test_where_the_learning_rfm_does_better_nothing_is_said_to_gain(folder: Path) -> None:
+    whole = read(folder, "results.json")
+    assert "thus gain a factor of" in filled(whole)
+    rows = {row["key"]: row["ensemble"] for row in whole["results"]["rows"]}
+    rows["learning"]["dispersion_m"] = 3 * rows["paper_learning"]["dispersion_m"]
+    whole["checks"][0]["holds"] = False
+    page = filled(whole)
+    assert "lose here, a factor of 3.0." in page
+    assert "One trajectory serves every history" not in page
+    whole["results"]["failed"] = None
+    assert "infeasible" not in filled(whole)
+
+
+def test_figures_and_tables_of_a_nanometre_axis_show_its_tolerance(folder: Path) -> None:
+    """Strokes of 200 nm within 5 nm by 100 µs: a hundredth of the home table's strokes, and a 250th of its times."""
+    whole = read(folder, "results.json")
+    spec, wanted, shown = whole["machine"]["specification"], whole["results"]["wanted"], whole["results"]["shown"]
+    spec |= {"stroke_m": 200e-9, "tolerance_m": 5e-9, "settling_time_s": 100e-6}
+    wanted |= {"stroke_m": 200e-9, "tolerance_m": 1.25e-9, "settling_time_s": 80e-6}
+    whole["results"]["shown_time_s"] = (np.array(whole["results"]["shown_time_s"]) / 250).tolist()
+    for one in shown.values():
+        one |= {key: (np.array(one[key]) / 100).tolist() for key in ("error_m", "position_m", "dispersions_m")}
+    for row in whole["results"]["rows"]:
+        row["ensemble"] |= {"settling_s": 98.5e-6, "dispersion_m": 4.25e-9}
+    page = filled(whole)
+    assert "| 98.5 |" in page
+    assert "| 4.25 |" in page
+    assert "slowest motion [µs], dispersion of the positive motions [nm]" in page
+    drawn = {
+        figure.name: figure.draw(whole) for figure in tell(whole).figures if figure.name in {"envelope", "responses"}
+    }
+    (envelope,) = drawn["envelope"].axes
+    low, high = envelope.get_ylim()
+    assert low < 1.25  # nm
+    assert 200 < high < 1000
+    assert drawn["responses"].axes[0].get_xlim() == pytest.approx((0, 160))  # µs
 
 
 def test_the_controller_file_keeps_its_keys_and_is_loaded_back(folder: Path) -> None:
@@ -197,6 +243,16 @@ def test_no_motion_is_longer_than_half_the_time_from_one_to_the_next(monkeypatch
         quickest(machine, Wanted(20e-6, 0.5e-6, 20e-3, Limits(thrust=1.0)), 38)
     assert max(asked) == most_samples(machine) == 58
     assert rest_time(machine, 58) <= 30e-3 < rest_time(machine, 59)
+
+
+def test_tables_are_off_in_nothing_that_their_machine_lacks() -> None:
+    """A rigid axis without dead time, whose scale has the noise already that others are given."""
+    whole = load_machine()
+    rigid = replace(whole, plant=replace(whole.plant, modes=whole.plant.modes[:1], dead_time=0.0))
+    rigid = replace(rigid, scale=rigid.scale.noisy())
+    friction, start = "friction's force and length", "friction's state at the start"
+    assert list(perturbations(rigid)) == [friction, "mass", "constant force", start, TOGETHER]
+    assert len(perturbations(whole)) == 9
 
 
 def test_the_deadbeat_beside_them_keeps_to_the_thrust_where_the_specified_time_does_not_allow_it() -> None:
