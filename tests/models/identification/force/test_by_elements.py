@@ -138,7 +138,7 @@ def test_a_delay_of_many_samples_is_found_beside_the_likely_one(late: int) -> No
     force = follow(few, given.position)[0] + 12 * np.gradient(np.gradient(given.position, 1e-4), 1e-4)
     noise = 1e-3 * np.random.default_rng(1).standard_normal(force.size)
     record = replace(given, command=np.append(force[late:], np.full(late, force[-1])) + noise)
-    terms = Terms(viscous=True, delay=True, likely_delay=likely)
+    terms = Terms(viscous=True, delay=True, likely_delay=likely, likely_limit=60e-6)
     found = identify(record, terms, pass_band=100.0, fit_until=0.8).estimate
     assert found.value("delay") == pytest.approx(late * 1e-4, abs=1e-5)
     assert found.value("mass") == pytest.approx(12.0, rel=2e-3)
@@ -156,7 +156,7 @@ def test_strokes_that_grow_are_fitted_where_the_memory_has_ended() -> None:
     force = follow(few, grown)[0] + 12 * np.gradient(np.gradient(grown, 1e-3), 1e-3)
     noisy = force + 1e-3 * np.random.default_rng(1).standard_normal(force.size)
     record = Record(1e-3, grown, grown, np.zeros(force.size), noisy, grown)
-    found = identify(record, Terms(), pass_band=100.0, fit_until=0.5 * grown.size * 1e-3)
+    found = identify(record, Terms(likely_limit=60e-6), pass_band=100.0, fit_until=0.5 * grown.size * 1e-3)
     assert found.estimate.value("mass") == pytest.approx(12.0, rel=0.02)
     assert 0.3 < np.mean(found.used) < 0.7
 
