@@ -115,10 +115,11 @@ def quickest(
     last = min(begin + round(max(MAX_EXTRA_SAMPLES, MAX_EXTRA * begin)), most)
     while high > most or not possible(high):
         if high >= last:
+            interval = f" or more than the {show(machine.specification.interval, 's')} from one motion to the next"
             raise DesignError(
                 f"no motion of up to {show(rest_time(machine, last), 's')} keeps within "
-                f"{show(wanted.limits.thrust, 'N')}; allow more, a shorter stroke or, where motions follow each other "
-                f"every {show(machine.specification.interval, 's')}, a longer interval"
+                f"{show(wanted.limits.thrust, 'N')}; allow more, or give a shorter stroke"
+                f"{interval if last == most < MAX_MOTION_SAMPLES else ''}"
             )
         low, high, step = high, min(high + step, last), 2 * step
     while high - low > 1:
