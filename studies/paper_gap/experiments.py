@@ -23,6 +23,7 @@ from models.machine import Machine
 from models.quantity import listed, show
 from models.records.record import Record
 from models.simulation.simulator import simulate
+from reports.units import length_unit, time_unit
 from studies.paper_gap import observables
 from studies.paper_gap.candidates import Table
 from studies.paper_gap.explore import Draw, rest
@@ -30,12 +31,12 @@ from studies.paper_gap.observables import MOVES, Departure, Observable, Plan
 
 Array = NDArray[np.float64]
 
-DWELLS: Final = (0.06, 0.12, 0.25, 0.5, 1.0, 1.5)  # s
-SIZES: Final = (5e-6, 10e-6, 15e-6, 20e-6)  # m; the deadbeat's thrust grows with the stroke, and the next is beyond it
-TIMES: Final = (20e-3, 22e-3, 24e-3, 26e-3, 30e-3)  # s until x_T* rests
-SLOW_STROKE: Final = (2e-3, 1e-3)  # m, m/s
-STILL: Final = 10.0  # s
-PAUSE: Final = 0.25  # s between motions where the experiment does not say another
+DWELLS: Final = (2.4, 4.8, 10.0, 20.0, 40.0, 60.0)  # specified settling times
+SIZES: Final = (0.25, 0.5, 0.75, 1.0)  # strokes; the deadbeat's thrust grows with the stroke, and the next is beyond it
+TIMES: Final = (1.0, 1.1, 1.2, 1.3, 1.5)  # of the specified time until x_T* rests
+SLOW_STROKE: Final = (100.0, 80.0)  # strokes, in so many settling times
+STILL: Final = 400.0  # settling times
+PAUSE: Final = 10.0  # settling times between motions where the experiment does not say another
 FOUR: Final = "a reversal and an inching motion up and the same down"  # MOVES
 
 
@@ -53,7 +54,10 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     """The experiments, with the settings of this machine's motions."""
     wanted = machine.specification
     stroke, settling = show(wanted.stroke, "m"), show(wanted.reference_settling_time, "s")
-    rests, sizes, times = _listed(DWELLS, 1.0), _listed(SIZES, 1e6), _listed(TIMES, 1e3)
+    (micro, length), (milli, time) = length_unit(wanted.stroke), time_unit(wanted.settling_time)
+    rests, pause = _listed(DWELLS, wanted.settling_time), show(PAUSE * wanted.settling_time, "s")
+    sizes, times = _listed(SIZES, micro * wanted.stroke), _listed(TIMES, milli * wanted.reference_settling_time)
+    way, speed = _slow_stroke(machine)
     return (
         Experiment(
             "rests of many lengths",
@@ -63,21 +67,26 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
         ),
         Experiment(
             "a ladder of strokes",
-            f"motions of {sizes} µm whose reference rests after {settling}, {FOUR}, {PAUSE:g} s apart",
+            f"motions of {sizes} {length} whose reference rests after {settling}, {FOUR}, {pause} apart",
             _ladder,
             observables.STROKES,
         ),
         Experiment(
             "a ladder of settling times",
-            f"motions of {stroke} whose reference rests after {times} ms (the thrust falls from rung to rung), {FOUR}, "
-            f"{PAUSE:g} s apart",
+            f"motions of {stroke} whose reference rests after {times} {time} (the thrust falls from rung to rung), "
+            f"{FOUR}, {pause} apart",
             _times,
             observables.TIMES,
         ),
-        Experiment("a hold", f"nothing moves for {STILL:g} s after a motion of {stroke}", _hold, observables.HOLD),
+        Experiment(
+            "a hold",
+            f"nothing moves for {show(STILL * wanted.settling_time, 's')} after a motion of {stroke}",
+            _hold,
+            observables.HOLD,
+        ),
         Experiment(
             "a slow stroke",
-            f"a stroke of {SLOW_STROKE[0] * 1e3:g} mm there and back at {SLOW_STROKE[1] * 1e3:g} mm/s",
+            f"a stroke of {show(way, 'm')} there and back at {show(speed, 'm/s')}",
             _slow,
             observables.SLOW_STROKES,
         ),
@@ -91,7 +100,8 @@ def depart(experiment: Experiment, table: Table, draw: Draw) -> Departure:
     plan = experiment.plan(machine, controller)
     true, _ = draw.case.candidate().put(table, draw.values)
     with_it, without = (_run(one, controller, plan.schedule, lead) for one in (true, machine))
-    return Departure(plan, machine.sample_time, with_it.position - without.position, with_it.command - without.command)
+    reading, command = with_it.position - without.position, with_it.command - without.command
+    return Departure(plan, machine.sample_time, machine.specification.settling_time, reading, command)
 
 
 def measure(experiment: Experiment, table: Table, draw: Draw) -> list[float]:
@@ -147,16 +157,19 @@ def _compensated(controller: Controller, target: Array, position: Array, feedfor
 
 
 def _rests(machine: Machine, controller: Controller) -> Plan:
-    return _moves(machine, [(machine.specification.stroke, dwell, controller) for dwell in DWELLS])
+    wanted = machine.specification
+    return _moves(machine, [(wanted.stroke, dwell * wanted.settling_time, controller) for dwell in DWELLS])
 
 
 def _ladder(machine: Machine, controller: Controller) -> Plan:
-    return _moves(machine, [(size, PAUSE, controller) for size in SIZES])
+    wanted = machine.specification
+    return _moves(machine, [(size * wanted.stroke, PAUSE * wanted.settling_time, controller) for size in SIZES])
 
 
 def _times(machine: Machine, controller: Controller) -> Plan:
-    rungs = [(machine.specification.stroke, PAUSE, _in(machine, time) or controller) for time in TIMES]
-    return _moves(machine, rungs)
+    wanted = machine.specification
+    laws = [_in(machine, time * wanted.reference_settling_time) or controller for time in TIMES]
+    return _moves(machine, [(wanted.stroke, PAUSE * wanted.settling_time, law) for law in laws])
 
 
 def _in(machine: Machine, time: float) -> Controller | None:
@@ -169,16 +182,24 @@ def _in(machine: Machine, time: float) -> Controller | None:
 
 
 def _hold(machine: Machine, controller: Controller) -> Plan:
-    samples = round(STILL / machine.sample_time)
+    samples = round(STILL * machine.specification.settling_time / machine.sample_time)
     target = np.concatenate([np.zeros(200), np.full(samples, machine.specification.stroke)])
     known = references(controller, target)
     return Plan(Schedule("hold", target, known))
 
 
 def _slow(machine: Machine, controller: Controller) -> Plan:
-    planned = strokes(machine, SLOW_STROKE[0], (SLOW_STROKE[1],))
+    way, speed = _slow_stroke(machine)
+    planned = strokes(machine, way, (speed,))
     given = planned.given
     return Plan(_compensated(controller, planned.target, given.position, given.feedforward))
+
+
+def _slow_stroke(machine: Machine) -> tuple[float, float]:
+    """The slow stroke [m] and its speed [m/s]."""
+    wanted, (strokes_long, times) = machine.specification, SLOW_STROKE
+    way = strokes_long * wanted.stroke
+    return way, way / (times * wanted.settling_time)
 
 
 def _listed(numbers: Sequence[float], factor: float) -> str:

@@ -14,7 +14,8 @@ from diagnosis.experiments.schedules import Schedule
 Array = NDArray[np.float64]
 
 MOVES: Final = ("reversal up", "inching up", "reversal down", "inching down")  # of a rung
-WINDOW: Final = (5e-3, 15e-3)  # [s] after the settling of x_T*: the window over which a motion's departure is averaged.
+# Settling times after the settling of x_T*: the window over which a motion's departure is averaged.
+WINDOW: Final = (0.2, 0.6)
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Departure:
-    """Readings (n,) [m] and commands (n,) [N] with the candidate minus those without, over a plan."""
+    """Readings (n,) [m] and commands (n,) [N] with the candidate minus those without, over a plan.
+
+    settling: the specified settling time [s].
+    """
 
     plan: Plan
     sample_time: float
+    settling: float
     reading: Array
     command: Array
 
@@ -45,7 +50,7 @@ class Departure:
         """
         found = []
         for start, direction, settling in self.plan.moves:
-            begin, end = (start + round((settling + after) / self.sample_time) for after in WINDOW)
+            begin, end = (start + round((settling + after * self.settling) / self.sample_time) for after in WINDOW)
             found.append(direction * float(np.mean(self.reading[begin:end])))
         return np.array(found).reshape(-1, len(MOVES))
 

@@ -32,7 +32,7 @@ def small_effects(machine: Machine, controller: Controller) -> list[dict[str, An
     stiffness = np.array(machine.friction.stiffness)
     critical = 2 * math.sqrt(machine.plant.mass * float(np.sum(stiffness)))
     damped = elements(stiffness, machine.friction.limit, LIGHT * critical * stiffness / np.sum(stiffness))
-    drag, stribeck = ViscousFriction.typical(), Stribeck.typical()
+    drag, stribeck = ViscousFriction.typical(machine.priors), Stribeck.typical(machine.priors)
     cases: tuple[tuple[str, str, Machine, float], ...] = (
         ("as it is", "", machine, 0.0),
         (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from design.controller import default_controller
+from diagnosis.experiments.schedules import Schedule
 from models.controller import Controller, References
 from models.machine import DEFAULT, load
 from models.records.files import read
@@ -22,6 +24,7 @@ from studies.paper_gap.candidates import every
 from studies.paper_gap.decide import decide, gap
 from studies.paper_gap.experiments import depart, measure, menu
 from studies.paper_gap.explore import BEYOND, Case, Draw
+from studies.paper_gap.observables import Departure, Plan
 from studies.paper_gap.pattern import Outcome
 from studies.paper_gap.report import tell
 from studies.paper_gap.shown import responses
@@ -69,6 +72,22 @@ def test_settling_times_come_with_what_they_hang_on_and_their_scatter(results: A
     assert all(row["median_s"] <= row["quantile_s"] <= row["largest_s"] for row in rows)
     compensated = next(row for row in rows if row["case"] == names[1])
     assert compensated["single_s"] == pytest.approx(results["nominal"][0]["reversal_settling_s"], abs=2e-3)
+
+
+def test_the_experiments_have_the_machine_s_own_sizes() -> None:
+    """A tenth of the home table's strokes, in twice its time."""
+    machine = load()
+    wanted = replace(machine.specification, stroke=2e-6, settling_time=50e-3, reference_settling_time=40e-3)
+    rests, ladder, times, hold, slow = menu(replace(machine, specification=wanted))
+    assert "after rests of 0.12, 0.24, 0.5, 1, 2 and 3 s" in rests.words
+    assert "motions of 0.5, 1, 1.5 and 2 µm whose reference rests after 40 ms" in ladder.words
+    assert "after 40, 44, 48, 52 and 60 ms" in times.words
+    assert "500 ms apart" in times.words
+    assert "nothing moves for 20 s" in hold.words
+    assert slow.words == "a stroke of 200 µm there and back at 50 µm/s"
+    reading = np.arange(200.0)
+    plan = Plan(Schedule("one rung", reading, References(reading, reading, reading)), ((100, 1, 0.04),) * 4)
+    assert Departure(plan, 1e-3, 0.05, reading, reading).of_moves() == pytest.approx(np.full((1, 4), 159.5))
 
 
 def test_motions_that_follow_each_other_quickly_are_shown_whole() -> None:
