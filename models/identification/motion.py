@@ -194,7 +194,7 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
         small = bool(np.all(np.abs(moved) <= SMALL * deviations))
         settled = np.all(np.abs(moved) < 1e-3 * DERIVATIVE_STEPS[: theta.size])
         if iteration > 1 and (settled or (small and iteration + 1 >= USUAL_STEPS)):
-            break
+            return theta, filter_
     if not small:
         raise UnusableError(_unsettled(theta, moved / np.maximum(deviations, 1e-300), iterations))
     return theta, filter_

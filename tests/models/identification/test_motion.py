@@ -34,6 +34,14 @@ def test_a_motion_fit_finds_what_was_changed() -> None:
     assert np.diag(found.estimate.correlation) == pytest.approx(np.ones(5))
 
 
+def test_motions_without_noise_settle_too() -> None:
+    """Beside deviations that are next to none no step is small, however small it is."""
+    exact = replace(load(), scale=replace(load().scale, noise=0.0, resolution=0.0))
+    heavier = varied(exact, Variation(mass=0.1))
+    found = motion.identify(own_records.motions(heavier, 11, exact), exact).estimate
+    assert found.values[:4] == pytest.approx([1.1, 1.0, 1.0, heavier.plant.dead_time], rel=1e-3)
+
+
 @pytest.mark.parametrize("seed", [21, 23])
 def test_motions_show_the_elements_damping(seed: int) -> None:
     """D = 0.1 ms times K, a lead of 0.2 um at the motions' 2 mm/s; and none where there is none. What the fit holds as
