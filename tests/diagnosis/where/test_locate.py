@@ -16,7 +16,7 @@ from diagnosis.model.kalman import SUBSTEPS, discretised, predictor, smoothed
 from diagnosis.records.motions import MotionKind, numbered, pieces, repeated
 from diagnosis.where.controller import _scaled, replayed
 from diagnosis.where.coordinates import Coordinate, coordinates, explain, parity, periodogram, pitches, since_turn
-from diagnosis.where.energy import PHASES, Samples, _band, bands, label_samples, shares, wavelengths
+from diagnosis.where.energy import PHASES, Samples, label_samples, shares, wavelengths
 from diagnosis.where.force import FAST_WALK, REACH, SLOW_WALK, steady_deviation
 from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
@@ -24,7 +24,7 @@ from diagnosis.where.serialise import pictures, to_json
 from diagnosis.where.side import force_or_reading, sides
 from diagnosis.which.scan import partial_out
 from models.records.checks import replay
-from models.records.record import Record, feeding_sequence
+from models.records.record import Record
 from studies.command import to_text
 from tests.diagnosis.where.cases import case, fitted, run, schedules, table
 
@@ -54,34 +54,6 @@ def samples(motions: int, length: int) -> Samples:
         np.where(number % 2 == 0, 1.0, -1.0),
         np.ones(number.size, bool),
     )
-
-
-@pytest.mark.parametrize(
-    ("sample_time", "last"), [(16e-3, (10.0, 31.25)), (0.5e-3, (300.0, 1000.0)), (1.5e-3, (100.0, 1 / 3e-3))]
-)
-def test_the_last_band_is_no_sliver_and_holds_half_the_sampling_frequency(
-    sample_time: float, last: tuple[float, float]
-) -> None:
-    spans = bands(sample_time)
-    assert spans[-1] == pytest.approx(last)
-    assert [low for low, _ in spans[1:]] == [high for _, high in spans[:-1]]
-    tone = np.tile([1.0, -1.0], 50)
-    parts = [_band(tone, low, high, sample_time) for low, high in spans]
-    assert [float(np.mean(part**2)) for part in parts] == pytest.approx([0.0] * (len(spans) - 1) + [1.0])
-
-
-def test_behind_a_jump_of_the_reference_the_table_starts_settles_and_rests() -> None:
-    """Steps of 20 µm every 0.3 s, of which 25 ms are settling."""
-    target = feeding_sequence(20e-6, 2, 0.3, 0.5e-3)
-    record = Record(0.5e-3, target, target, 0 * target, 0 * target, target)
-    known = pieces((record,))
-    found = label_samples((record,), known, numbered(known, (record,)), np.ones(target.size), 0.025)
-    jumps = np.flatnonzero(np.diff(target)) + 1
-    for jump in jumps:
-        names = [PHASES[i] for i in found.phase[jump - 1 : jump + 51]]
-        assert names == ["dwell"] + 5 * ["start"] + 45 * ["settle"] + ["dwell"]
-    assert np.count_nonzero(found.phase != PHASES.index("dwell")) == 50 * jumps.size
-    assert found.direction[jumps + 5].tolist() == np.sign(np.diff(target)[jumps - 1]).tolist()
 
 
 def test_an_error_of_the_scale_that_turns_with_the_motion_is_no_force_for_certain() -> None:
