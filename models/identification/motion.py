@@ -217,7 +217,8 @@ def _at_end(theta: Array) -> NDArray[np.bool_]:
 
 def _stepped(job: _Job, theta: Array, moved: Array, filter_: Array, command: Array) -> tuple[Array, Array]:
     """theta (p,) after a step and the command [N] simulated there, the step halved until the whitened errors do not
-    grow, by as much as would speak against a parameter at least. Raises UnusableError if they always do."""
+    grow, by as much as would speak against a parameter at least, or HALVINGS times, and taken then. Raises
+    UnusableError if not even that one can be simulated."""
 
     def size(made: Array) -> float:
         white = job.whitened(filter_, job.record.command - made)
