@@ -7,7 +7,7 @@ variance is known at every sample its innovations are white and as large as pred
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,10 @@ from models.compiled import compiled
 from models.records.record import Record
 
 Array = NDArray[np.float64]
+
+LANES: Final = (
+    8  # sizes that are filtered side by side: as many numbers as a processor adds at once, or a few times that
+)
 
 
 class LinearPart(NamedTuple):
@@ -39,13 +43,26 @@ class LinearPart(NamedTuple):
     white: float
     walk: float
 
-    def misfit(self, added: Array) -> tuple[float, Array]:
-        """-2 log of the likelihood, up to a constant, and the standardised innovations (n - STARTING,) [1], where the
-        white force's variance is larger by `added` (n,) [N^2] in the interval after each sample."""
-        e, variance = np.empty(self.reading.size), np.empty(self.reading.size)
-        _filtered(self, added, e, variance)
-        e, variance = e[STARTING:], variance[STARTING:]
-        return float(np.sum(e**2 / variance + np.log(variance))), e / np.sqrt(variance)
+    def misfits(self, envelope: Array, sizes: Array) -> Array:
+        """-2 log of the likelihood (K,), up to a constant, where the white force's variance is larger by each of the
+        sizes (K,) times the envelope (n,) [N^2 together] in the interval after each sample."""
+        e, variance = self._filtered(envelope, sizes)
+        return np.asarray(np.sum(e**2 / variance + np.log(variance), axis=0))
+
+    def standardised(self, added: Array) -> Array:
+        """The innovations (n - STARTING,) over their deviations [1], where the white force's variance is larger by
+        `added` (n,) [N^2]."""
+        e, variance = self._filtered(added, np.ones(1))
+        return np.asarray(e[:, 0] / np.sqrt(variance[:, 0]))
+
+    def _filtered(self, envelope: Array, sizes: Array) -> tuple[Array, Array]:
+        """The innovations [m] and their variances [m^2] (n - STARTING, K)."""
+        lanes = np.resize(sizes, (-(-sizes.size // LANES), LANES))
+        e, variance = np.empty((2, len(lanes), self.reading.size, LANES))
+        for some, its_e, its_variance in zip(lanes, e, variance, strict=True):
+            _filter(self, envelope, some, its_e, its_variance)
+        e, variance = (np.concatenate(list(rows), axis=1)[STARTING:, : sizes.size] for rows in (e, variance))
+        return e, variance
 
 
 def linear_part(candidate: Candidate, record: Record, residual: Residual, index: int, walk: float) -> LinearPart:
@@ -74,39 +91,82 @@ def linear_part(candidate: Candidate, record: Record, residual: Residual, index:
 
 
 @compiled
-def _filtered(part: LinearPart, added: Array, e: Array, variance: Array) -> None:
-    """Writes the innovations [m] and their variances [m^2] (n,); added (n,) [N^2]."""
-    size, now, P = part.start.size, part.start.copy(), part.covariance.copy()
-    onto, ahead, moved = np.empty(size), np.empty(size), np.empty((size, size))
-    for k in range(e.size):
-        _applied(P, part.C, onto)
-        y, v = 0.0, part.noise
-        for i in range(size):
-            y += part.C[i] * now[i]
-            v += part.C[i] * onto[i]
-        e[k], variance[k] = part.reading[k] - y, v
-        for i in range(size):
-            now[i] += onto[i] / v * e[k]
-            for j in range(size):
-                P[i, j] -= onto[i] * onto[j] / v
-        _applied(part.A, now, ahead)
-        for i in range(size):
-            now[i] = ahead[i] + part.given[k, i]
-            _applied(part.A, P[i], moved[i])  # P is symmetric: moved is P A'
-        for i in range(size):
-            for j in range(size):
-                total = (part.white + added[k]) * part.held[i] * part.held[j]
-                for m in range(size):
-                    total += part.A[i, m] * moved[m, j]
-                P[i, j] = total
-        P[size - 1, size - 1] += part.walk**2
+def _filter(part: LinearPart, envelope: Array, sizes: Array, e: Array, variance: Array) -> None:
+    """Writes the innovations [m] and their variances [m^2] (n, LANES) for as many sizes (LANES,) of the envelope (n,).
+    The filters run side by side: what is said of one of them below, the last index apart, holds for each."""
+    size = part.start.size
+    now, P = np.empty((size, LANES)), np.empty((size, size, LANES))  # the state, and its covariance
+    onto, spare, moved = np.empty((size, LANES)), np.empty((size, LANES)), np.empty((size, size, LANES))
+    force = np.empty(LANES)
+    for i in range(size):
+        now[i, :] = part.start[i]
+        for j in range(size):
+            P[i, j, :] = part.covariance[i, j]
+    for k in range(envelope.size):
+        for one in range(LANES):
+            e[k, one], variance[k, one] = part.reading[k], part.noise
+            force[one] = part.white + sizes[one] * envelope[k]
+        _read(part.C, now, P, onto, spare, e[k], variance[k])
+        spare[:, :] = now
+        _move(part.A, spare, part.given[k], now)
+        _spread(part.A, part.held, force, P, moved)
+        for one in range(LANES):
+            P[size - 1, size - 1, one] += part.walk**2
 
 
 @compiled
-def _applied(matrix: Array, vector: Array, out: Array) -> None:
-    """out (S,) = matrix (S, S) vector (S,)."""
-    for i in range(out.size):
-        total = 0.0
-        for j in range(out.size):
-            total += matrix[i, j] * vector[j]
-        out[i] = total
+def _read(C: Array, now: Array, P: Array, onto: Array, gain: Array, e: Array, variance: Array) -> None:
+    """State (S, LANES) and covariance (S, S, LANES) after a reading, of which e has the reading itself (LANES,) and
+    then the innovation, and variance that of the noise and then of the innovation; onto becomes P C and gain that over
+    the variance (S, LANES)."""
+    for i in range(C.size):
+        for one in range(LANES):
+            onto[i, one] = 0.0
+        for j in range(C.size):
+            if C[j] != 0.0:
+                for one in range(LANES):
+                    onto[i, one] += C[j] * P[i, j, one]
+        for one in range(LANES):
+            e[one] -= C[i] * now[i, one]
+            variance[one] += C[i] * onto[i, one]
+    for i in range(C.size):
+        for one in range(LANES):
+            gain[i, one] = onto[i, one] / variance[one]
+            now[i, one] += gain[i, one] * e[one]
+        for j in range(C.size):
+            for one in range(LANES):
+                P[i, j, one] -= gain[i, one] * onto[j, one]
+
+
+@compiled
+def _move(A: Array, before: Array, given: Array, now: Array) -> None:
+    """The state (S, LANES) a sample later than `before`, under known forces that add `given` (S,)."""
+    for i in range(given.size):
+        for one in range(LANES):
+            now[i, one] = given[i]
+        for m in range(given.size):
+            for one in range(LANES):
+                now[i, one] += A[i, m] * before[m, one]
+
+
+@compiled
+def _spread(A: Array, held: Array, force: Array, P: Array, moved: Array) -> None:
+    """The covariance (S, S, LANES) a sample later, under a white force of a variance (LANES,) [N^2]; moved becomes A P.
+    Most of A is 0: a mode follows from itself and from the force."""
+    size = held.size
+    rows, moved_rows = P.reshape(size, size * LANES), moved.reshape(size, size * LANES)
+    for i in range(size):
+        moved_rows[i, :] = 0.0
+        for m in range(size):
+            if A[i, m] != 0.0:
+                for one in range(size * LANES):
+                    moved_rows[i, one] += A[i, m] * rows[m, one]
+    for i in range(size):
+        for j in range(i + 1):
+            for one in range(LANES):
+                P[i, j, one] = force[one] * held[i] * held[j]
+            for m in range(size):
+                if A[j, m] != 0.0:
+                    for one in range(LANES):
+                        P[i, j, one] += A[j, m] * moved[i, m, one]
+            P[j, i, :] = P[i, j]

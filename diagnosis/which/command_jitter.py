@@ -18,8 +18,9 @@ constant or with the speed, the acceleration, the command or the friction, may b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
 from diagnosis.model.kalman import STARTING, SUBSTEPS, Predictor, responses
-from diagnosis.model.varying_noise import linear_part
+from diagnosis.model.varying_noise import LANES, linear_part
 from diagnosis.records.motions import Piece, pieces, repeated
 from diagnosis.records.units import loop_time, noise
 from models.effects.motor import TimingJitter
@@ -45,9 +46,8 @@ MOST_LATE: Final = 3.0  # samples, rms: that commands may be late
 LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked at
 STEPS: Final = "steps of the command"
 VARIANCES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
-VARIANCES_TRIED: Final = 14  # by so many steps
-# First by steps of this factor: around the likeliest variance some of what it gains is gained as far as that.
-COARSE_FACTOR: Final = 100.0
+FINE: Final = 0.02  # of the logarithm of a variance, within which the likeliest one is
+# Around the likeliest variance some of what it gains is gained for a factor of 100: less than this far from it is none.
 LEAST_COARSE_GAIN: Final = LEAST_GAIN / 10
 RARE: Final = 0.005  # of the samples, with the largest steps, that have no say: not a handful is to decide
 
@@ -115,41 +115,48 @@ def _of_all_that_is_left(
     envelopes = [_envelopes(fitted, i, step) for i, (_, step, _) in enumerate(signals)]
     means = {kind: float(np.mean(np.concatenate([given[kind] for given in envelopes]))) for kind in envelopes[0]}
 
-    def left(kind: str, size: float) -> tuple[float, list[Array]]:
-        """-2 log of the likelihood, and the innovations, with so much variance [N^2] per unit of an envelope."""
-        found = [part.misfit(size * given[kind]) for part, given in zip(parts, envelopes, strict=True)]
-        return sum(one for one, _ in found), [e for _, e in found]
+    def costs(kind: str, logs: Array) -> Array:
+        """-2 log of the likelihood with so much variance [N^2] per unit of an envelope, by its logarithms (K,)."""
+        sizes = np.exp(logs)
+        found = [part.misfits(given[kind], sizes) for part, given in zip(parts, envelopes, strict=True)]
+        return np.asarray(np.sum(found, axis=0))
 
-    def room(kind: str) -> tuple[float, float]:
-        """Between which sizes that of an envelope is sought."""
+    def room(kind: str) -> Array:
+        """Logarithms (K,) between which that of an envelope's size is sought, and none of it."""
         low, high = (size * parts[0].white / means[kind] for size in VARIANCES)
-        return low, min(high, MOST_LATE**2) if kind == STEPS else high
-
-    def likeliest(kind: str) -> tuple[float, float]:
-        """The size of an envelope, and -2 log of the likelihood with it."""
-        low, high = room(kind)
-        best = scipy.optimize.minimize_scalar(
-            lambda log: left(kind, math.exp(log))[0],
-            bounds=(math.log(low), math.log(high)),
-            method="bounded",
-            options={"maxiter": VARIANCES_TRIED},
-        )
-        return math.exp(best.x), float(best.fun)
+        among = np.linspace(math.log(low), math.log(min(high, MOST_LATE**2) if kind == STEPS else high), LANES - 1)
+        return np.array([-np.inf, *among])
 
     if MOST_LATE**2 * means[STEPS] <= VARIANCES[0] * parts[0].white:  # steps so small that lateness makes no force
         return none
-    low, high = room(STEPS)
-    coarse = np.geomspace(low, high, 2 + math.ceil(math.log(high / low, COARSE_FACTOR)))
-    steady = left(STEPS, 0.0)[0]
-    if steady - min(left(STEPS, one)[0] for one in coarse.tolist()) < LEAST_COARSE_GAIN:
+    logs = room(STEPS)
+    coarse = costs(STEPS, logs)
+    if coarse[0] - coarse.min() < LEAST_COARSE_GAIN:
         return none
-    size, cost = likeliest(STEPS)
-    loop = loop_time(fitted.candidate.nominal) / records[0].sample_time
-    if steady - cost < LEAST_GAIN or not _is_white(left(STEPS, size)[1], loop):
+    likeliest, cost = _least(partial(costs, STEPS), logs, coarse)
+    size, loop = math.exp(likeliest), loop_time(fitted.candidate.nominal) / records[0].sample_time
+    innovations = [part.standardised(size * given[STEPS]) for part, given in zip(parts, envelopes, strict=True)]
+    if coarse[0] - cost < LEAST_GAIN or not _is_white(innovations, loop):
         return none
-    others = [likeliest(kind)[1] for kind, mean in means.items() if kind != STEPS and mean > 0]
+    rest = [kind for kind, mean in means.items() if kind != STEPS and mean > 0]
+    other = min(_least(partial(costs, kind), room(kind), costs(kind, room(kind)))[1] for kind in rest)
     energy = size * sum(float(one.step @ one.energy) for one in each)
-    return Lateness(records[0].sample_time * math.sqrt(size), max(min(others) - cost, 0.0), scatter, energy)
+    return Lateness(records[0].sample_time * math.sqrt(size), max(other - cost, 0.0), scatter, energy)
+
+
+def _least(costs: Callable[[Array], Array], logs: Array, known: Array) -> tuple[float, float]:
+    """Where among logarithms the costs are least, and how much [1]: between the neighbours of the least of the known
+    ones, of which the first belongs to minus infinity, over and over."""
+    logs, known = logs[1:], known[1:]
+    while True:
+        best = int(np.argmin(known))
+        low, high = logs[max(best - 1, 0)], logs[min(best + 1, logs.size - 1)]
+        if high - low < FINE:
+            return float(logs[best]), float(known[best])
+        between = np.linspace(low, high, LANES + 2)[1:-1]
+        logs, known = np.concatenate([logs, between]), np.concatenate([known, costs(between)])
+        order = np.argsort(logs, kind="stable")
+        logs, known = logs[order], known[order]
 
 
 def _is_white(innovations: Sequence[Array], loop: float) -> bool:
