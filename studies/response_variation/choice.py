@@ -15,13 +15,12 @@ from models.machine import Machine
 
 Array = NDArray[np.float64]
 
-NOISE: Final = 0.05  # N, of the force; assumed
-RESOLUTION: Final = 1e-7  # m, of the displacement
-FITTED: Final = (0, 150, -150, 150, 100, 140, -150)  # corners of the path [um]
-HELD_OUT: Final = (0, 150, -150, -60, -120, 30, -20, 80, 40, 60, -150, 150)
+NOISE: Final = 1 / 330  # of the friction, that of the force; assumed: 0.05 N on the paper's table
+FITTED: Final = (0, 1.5, -1.5, 1.5, 1.0, 1.4, -1.5)  # corners of the path, in presliding regions
+HELD_OUT: Final = (0, 1.5, -1.5, -0.6, -1.2, 0.3, -0.2, 0.8, 0.4, 0.6, -1.5, 1.5)
 MORE: Final = 0.1  # Fewer elements are preferred if their held-out error exceeds the least by at most this fraction.
 DAMPED: Final = 3  # Elements whose D_i is identified; with more, the D_i are not identifiable one by one.
-INTERVAL: Final = 2e-4  # s from one point of the loops to the next, where their speed counts
+INTERVAL: Final = 0.4  # sample times from one point of the loops to the next, where their speed counts
 FINER: Final = 7  # elements of the curve for one of the machine's
 
 
@@ -30,13 +29,14 @@ def error_against_count(
 ) -> dict[str, Any]:
     """Rms error [N] of N = 1 .. 20 elements on a simulated measurement of a finer hysteresis, fitted and held out.
 
-    The measurement has the scale's resolution and noise of NOISE. `chosen`: the fewest elements whose error on the
-    held-out loops is within MORE of the least; the parameters of the machine's own N have standard deviations.
+    The measurement has the scale's resolution and noise of NOISE, over as many micrometres as the presliding region
+    asks. `chosen`: the fewest elements whose error on the held-out loops is within MORE of the least; the parameters of
+    the machine's own N have standard deviations.
     `facts`: the elements that follow from the published facts of the hysteresis alone. `tell(share, text)`: progress.
     """
     rng = np.random.default_rng(seed)
     truth, own = _finer(machine.friction), len(machine.friction.limit)
-    fitted, held_out = (_measured(truth, corners, rng) for corners in (FITTED, HELD_OUT))
+    fitted, held_out = (_measured(machine, truth, corners, rng) for corners in (FITTED, HELD_OUT))
     counts = sorted({1, 2, 5, 10, own} if quick else {*range(1, 21), own})
     found = {}
     for count in counts:
@@ -48,14 +48,14 @@ def error_against_count(
         "count": counts,
         "fitted_N": [found[count].rms_error for count in counts],
         "held_out_N": [errors[count] for count in counts],
-        "noise_N": NOISE,
+        "noise_N": _noise(machine),
         "own": own,
         "own_over_least": errors[own] / best,
         "chosen": min(count for count in counts if errors[count] <= (1 + MORE) * best),
         "more": MORE,
         "elements": _parameters(found[own]),
         "facts": _of_facts(machine),
-        "damped": _of_speed(machine.friction, rng),
+        "damped": _of_speed(machine, rng),
     }
 
 
@@ -67,14 +67,15 @@ def _of_facts(machine: Machine) -> dict[str, Any]:
     return {"limit_m": two.friction.limit, "stiffness_N_per_m": two.friction.stiffness, "rms_N": two.rms_error}
 
 
-def _of_speed(friction: Friction, rng: np.random.Generator) -> dict[str, Any]:
+def _of_speed(machine: Machine, rng: np.random.Generator) -> dict[str, Any]:
     """D_i of DAMPED elements [N s/m] from the fitted loops, run so fast that each D_i of the machine acts."""
-    truth, x = _finer(friction), _path(FITTED)
+    friction = machine.friction
+    truth, x = _finer(friction), _path(machine, FITTED)
     k, limit, d = np.array(truth.stiffness), np.array(truth.limit), np.repeat(friction.damping, FINER) / FINER
-    speed = np.gradient(x, INTERVAL)
+    speed = np.gradient(x, INTERVAL * machine.sample_time)
     force = np.sum(np.clip(k * deflections(limit, x) + d * speed[:, None], -k * limit, k * limit), axis=1)
-    force += NOISE * rng.standard_normal(x.size)
-    found = identify(_read(x), force, DAMPED, velocity=speed)
+    force += _noise(machine) * rng.standard_normal(x.size)
+    found = identify(_read(machine, x), force, DAMPED, velocity=speed)
     return {
         "speed_m_per_s": np.max(np.abs(speed)),
         "damping_Ns_per_m": found.friction.damping,
@@ -102,16 +103,28 @@ def _finer(friction: Friction) -> Friction:
     return elements(np.repeat(force / FINER, FINER) / limits, limits)
 
 
-def _measured(truth: Friction, corners: tuple[int, ...], rng: np.random.Generator) -> tuple[Array, Array]:
-    """Displacement as the scale reads it, and force with noise, along a path between the corners [um]."""
-    path = _path(corners)
+def _measured(
+    machine: Machine, truth: Friction, corners: tuple[float, ...], rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Displacement [m] as the scale reads it, and force [N] with noise, along a path between the corners."""
+    path = _path(machine, corners)
     force, _ = follow(truth, path)
-    return _read(path), force + NOISE * rng.standard_normal(force.size)
+    return _read(machine, path), force + _noise(machine) * rng.standard_normal(force.size)
 
 
-def _path(corners: tuple[int, ...]) -> Array:
-    return 1e-6 * np.concatenate([np.linspace(a, b, 250, endpoint=False) for a, b in pairwise(corners)])
+def _noise(machine: Machine) -> float:
+    """Of the measured force [N]."""
+    return NOISE * machine.presliding.coulomb_force
 
 
-def _read(path: Array) -> Array:
-    return np.asarray(np.round(path / RESOLUTION) * RESOLUTION, float)
+def _path(machine: Machine, corners: tuple[float, ...]) -> Array:
+    """Between corners [presliding regions], in [m]."""
+    return machine.presliding.extent * np.concatenate(
+        [np.linspace(a, b, 250, endpoint=False) for a, b in pairwise(corners)]
+    )
+
+
+def _read(machine: Machine, path: Array) -> Array:
+    """As the scale reads it [m]."""
+    step = machine.scale.resolution
+    return np.asarray(np.round(path / step) * step if step else path, float)

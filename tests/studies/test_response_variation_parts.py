@@ -16,6 +16,7 @@ from models.controller import PID
 from models.ensemble import load_ensemble
 from models.friction import elements
 from models.machine import Machine, load
+from models.machines.parts import Presliding
 from models.plant import sampled
 from studies.response_variation import choice, search
 from studies.response_variation.compute import _gap
@@ -148,15 +149,40 @@ def test_a_table_s_masses_do_not_depend_on_how_its_plant_is_written_down() -> No
 
 
 def test_damping_shows_in_loops_whose_speed_is_known_and_none_shows_where_there_is_none() -> None:
-    friction = load().friction
-    none = choice._of_speed(friction, np.random.default_rng(1))
+    machine = load()
+    none = choice._of_speed(machine, np.random.default_rng(1))
     assert none["own_Ns_per_m"] == 0
     assert np.all(np.array(none["damping_Ns_per_m"]) < 3 * np.array(none["damping_std_Ns_per_m"]))
-    stiffness = np.array(friction.stiffness)
-    damped = choice._of_speed(elements(stiffness, friction.limit, 2e-3 * stiffness), np.random.default_rng(1))
+    stiffness = np.array(machine.friction.stiffness)
+    friction = elements(stiffness, machine.friction.limit, 2e-3 * stiffness)
+    damped = choice._of_speed(replace(machine, friction=friction), np.random.default_rng(1))
     assert damped["own_Ns_per_m"] == pytest.approx(2e-3 * np.sum(stiffness))
     assert np.all(np.array(damped["damping_Ns_per_m"]) > 3 * np.array(damped["damping_std_Ns_per_m"]))
     assert np.sum(damped["damping_Ns_per_m"]) == pytest.approx(damped["own_Ns_per_m"], rel=0.2)  # three for seventy
+
+
+@pytest.mark.parametrize(("length", "force"), [(1e-2, 0.05), (40.0, 30.0)])
+def test_a_table_of_other_lengths_and_forces_is_fitted_by_as_many_elements(length: float, force: float) -> None:
+    """A stage of nanometres and a gantry: all that is measured goes with their own sizes."""
+    machine = load()
+    friction, facts = machine.friction, machine.presliding
+    stiffness = np.array(friction.stiffness) * force / length
+    other = replace(
+        machine,
+        friction=elements(stiffness, length * np.array(friction.limit)),
+        presliding=Presliding(
+            coulomb_force=force * facts.coulomb_force,
+            stiffness_1=facts.stiffness_1 * force / length,
+            stiffness_2=facts.stiffness_2 * force / length,
+            boundary=length * facts.boundary,
+            extent=length * facts.extent,
+        ),
+        scale=replace(machine.scale, resolution=length * machine.scale.resolution),
+    )
+    one, same = (choice.error_against_count(m, 1, quick=True, tell=lambda *_: None) for m in (machine, other))
+    assert same["chosen"] == one["chosen"]
+    for name in ("fitted_N", "held_out_N"):
+        assert np.array(same[name]) == pytest.approx(force * np.array(one[name]), rel=0.02), name
 
 
 def test_a_share_of_a_delay_has_a_value_where_motions_never_settle() -> None:
