@@ -33,6 +33,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import rms
 from diagnosis.verdict import Outcome
+from diagnosis.where.energy import bootstrap_interval
 from diagnosis.which.random_force import NAME
 from diagnosis.which.stage import Stage
 
@@ -283,9 +284,13 @@ def _terms_in(
     terms = Terms(first, then, last, least, random, measure)
     draws = np.random.default_rng(0).integers(0, refitted.count.size, (DRAWS, refitted.count.size))
     before = refitted.mean(measure, draws)
-    low, high = np.quantile(closure_share(before, after.mean(measure, draws), least**2, random**2), [0.025, 0.975])
-    interval = float(min(low, terms.closure())), float(max(high, terms.closure()))
-    return (terms, interval), bool(np.quantile(before, 0.025) > least**2)
+    motions = refitted.count.size
+    closed = closure_share(before, after.mean(measure, draws), least**2, random**2)
+    low, high = bootstrap_interval(closed, motions)
+    if motions < 2:  # one motion tells nothing of others
+        return (terms, (min(0.0, terms.closure()), max(1.0, terms.closure()))), False
+    interval = min(low, terms.closure()), max(high, terms.closure())
+    return (terms, interval), bootstrap_interval(before, motions)[0] > least**2
 
 
 def _of(one: Sums, motions: NDArray[np.bool_]) -> Sums:

@@ -16,7 +16,7 @@ from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_forc
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.records.units import noise
-from diagnosis.where.energy import INTERVAL, bootstrap_counts
+from diagnosis.where.energy import bootstrap_counts, interval_ends
 from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
 from models.effects.catalogue import in_order
@@ -233,6 +233,6 @@ def _band(choice: Choice, motions: int, baseline: Baseline) -> tuple[Array, Arra
     if curve.law.symmetry == "plain":  # whose level is the offset's
         level = np.mean(curve.hats, axis=0)
         drawn = [one - float(level @ one) for one in drawn]
-    low, high = np.quantile(drawn, INTERVAL, axis=0)
+    low, high = np.quantile(drawn, interval_ends(motions), axis=0)
     none = np.zeros(len(curve.law.knots) - low.size)
     return np.concatenate([none, np.minimum(low, 0.0)]), np.concatenate([none, np.maximum(high, 0.0)])

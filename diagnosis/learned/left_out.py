@@ -162,6 +162,6 @@ def judgement(
             rows.append(OfType(names[out], float(np.clip(closure, -1.0, 1.0)), share, choice.test.curve.law.coordinate))
     drawn = bootstrap_counts(count, 0) @ np.column_stack([gains, gaps])
     total = max(float(gaps.sum()), 1e-300)
-    low, high = bootstrap_interval(np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300), -1.0, 1.0))
+    low, high = bootstrap_interval(np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300), -1.0, 1.0), count)
     closure = float(np.clip(gains.sum() / total, -1.0, 1.0))
     return Judgement(closure, (min(low, closure), max(high, closure)), float(gaps.sum()) / whole, tuple(rows))

@@ -114,7 +114,7 @@ def coordinates(effect: Effect) -> Array:
         elif item.role == "phase":
             phase = number
         elif item.role != "switch":
-            rows.append(np.log(number))
+            rows.append(np.log(max(number, np.finfo(float).tiny)))  # a file may state none of it
     linear = amplitudes(effect)
     if phase is None:
         return np.array([*linear, *rows])

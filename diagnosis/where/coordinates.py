@@ -256,7 +256,7 @@ def explained(
     """The shares [1] of the gain in each motion (motions,), with the p-value against the gains by chance (FLIPS,)."""
     whole = max(float(energy.sum()), 1e-300)
     many = bootstrap_counts(gains.size, seed) @ np.column_stack([gains, energy])
-    low, high = bootstrap_interval(np.minimum(many[:, 0] / np.maximum(many[:, 1], 1e-300), 1.0))
+    low, high = bootstrap_interval(np.minimum(many[:, 0] / np.maximum(many[:, 1], 1e-300), 1.0), gains.size)
     p = float((1 + np.count_nonzero(chance >= gains.sum())) / (1 + FLIPS))
     share, turn = (min(max(float(part.sum()) / whole, 0.0), 1.0) for part in (gains, turning))
     nothing = np.zeros(0)

@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
-from diagnosis.records.motions import MotionKind, Piece
+from diagnosis.records.motions import FEWEST, MotionKind, Piece
 from models.effects.priors import REFERENCE, Units
 from models.quantity import show
 from models.records.record import Record
@@ -30,7 +31,7 @@ MAX_STEADY_ACCELERATION_SHARE: Final = 0.05
 LOOK_LOOP_TIMES: Final = 2.8  # loop times: the reference moves where it changes within them by more than STEADY
 STEADY: Final = 0.5  # deviations of the reading
 BOOTSTRAP_DRAWS: Final = 400  # bootstrap samples
-INTERVAL: Final = (0.025, 0.975)
+INTERVAL: Final = 0.95  # of the true values that are in it
 # Bands and wavelengths are round numbers for a reader; nothing is decided by them.
 DECADES: Final = 4  # edges between wavelengths: powers of ten, the longest of which fits into the way once at least
 LEAST_BAND: Final = 10 ** (1 / 3)  # between the ends of the last band: a narrower one is a part of the one before
@@ -156,9 +157,24 @@ def bootstrap_counts(motions: int, seed: int) -> Array:
     return generator.multinomial(motions, np.full(motions, 1 / motions), BOOTSTRAP_DRAWS).astype(float)
 
 
-def bootstrap_interval(values: Array) -> tuple[float, float]:
-    """The 95 % interval of bootstrapped values (BOOTSTRAP_DRAWS,), in their unit [1]."""
-    low, high = np.quantile(values, INTERVAL)
+def interval_ends(motions: int) -> tuple[float, float]:
+    """The quantiles [1] of what is bootstrapped over so many motions between which INTERVAL of the true values are:
+    draws of few motions scatter by less than the motions do (the expanded percentile interval of T. Hesterberg, What
+    Teachers Should Know About the Bootstrap, The American Statistician 69, 2015). All draws, of one or two."""
+    if motions < 3:
+        return 0.0, 1.0
+    reach = math.sqrt(motions / (motions - 1)) * stats.t.ppf(0.5 + 0.5 * INTERVAL, motions - 1)
+    outside = float(stats.norm.cdf(-reach))
+    return outside, 1 - outside
+
+
+def bootstrap_interval(values: Array, motions: int) -> tuple[float, float]:
+    """The 95 % interval of values that are bootstrapped over so many motions (BOOTSTRAP_DRAWS,), in their unit [1]; of
+    a handful, whose draws do not reach as far, Student's about their mean."""
+    low, high = np.quantile(values, interval_ends(motions))
+    if 1 < motions < FEWEST:
+        reach = stats.t.ppf(0.5 + 0.5 * INTERVAL, motions - 1) * math.sqrt(motions / (motions - 1)) * np.std(values)
+        low, high = np.mean(values) - reach, np.mean(values) + reach
     return float(low), float(high)
 
 
@@ -175,7 +191,9 @@ def shares(
 
 def _shared(names: Sequence[str], energy: Array, time: Integers, noise: float | Array, whole: int, seed: int) -> Shares:
     """Shares of net energies (motions, K) [N2 samples] in `time` (K,) of `whole` [samples]; noise [N2] a sample."""
-    low, high = np.quantile(_of_sums(bootstrap_counts(energy.shape[0], seed) @ energy), INTERVAL, axis=0)
+    low, high = np.quantile(
+        _of_sums(bootstrap_counts(energy.shape[0], seed) @ energy), interval_ends(energy.shape[0]), axis=0
+    )
     share, spent = _of_sums(energy.sum(axis=0)[None])[0], np.maximum(time, 1)
     deviation = np.sqrt(np.maximum(energy.sum(axis=0) / spent + noise, 0.0))
     return Shares(tuple(names), share, np.minimum(low, share), np.maximum(high, share), time / whole, deviation)

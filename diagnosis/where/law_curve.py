@@ -20,7 +20,7 @@ from diagnosis.model.residual import evaluate
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.records.motions import Piece, numbered
 from diagnosis.where.coordinates import by_motion, coordinates, hat_functions, slowest
-from diagnosis.where.energy import INTERVAL, bootstrap_counts, label_samples
+from diagnosis.where.energy import bootstrap_counts, interval_ends, label_samples
 from models.effects.base import Kind
 from models.effects.catalogue import in_order
 from models.records.record import Record
@@ -95,7 +95,7 @@ def law_curve(
     grams, slopes = by_motion(basis * used[:, None], np.where(used, force, 0.0), samples.motion)
     drawn = bootstrap_counts(grams.shape[0], 0)
     curves = [_solved(np.tensordot(count, grams, 1), count @ slopes) for count in drawn]
-    low, high = np.quantile(curves, INTERVAL, axis=0)
+    low, high = np.quantile(curves, interval_ends(grams.shape[0]), axis=0)
     best = _solved(grams.sum(axis=0), slopes.sum(axis=0))
     return LawCurve(kind.coordinate, coordinate.unit, knots, best, low, high)
 

@@ -32,7 +32,9 @@ from models.effects.structure import FloorVibration
 
 # Times the largest usual size: where a law is tried that is not linear on the way there.
 NONLINEAR_SIZE_FACTORS: Final = (0.5, 1.5, 5.0)
-SIMULATED_PART: Final = 0.02  # of the commands are late in a simulation at least, so that a few records tell the mean
+# Of the commands that are late in a simulation: enough for a few records to tell the mean, and not so many that those
+# that are not scatter as well.
+SIMULATED_PARTS: Final = (0.02, 0.1)
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def command_jitter(seen: View) -> Detected:
     if found.gain <= threshold or (found.size < least and not _accounts_for_the_rest(found, seen)):
         return Detected()
     part = (found.size / seen.baseline.records[0].sample_time) ** 2
-    simulated = TimingJitter(max(part, SIMULATED_PART))
+    simulated = TimingJitter(float(np.clip(part, *SIMULATED_PARTS)))
     random_part = RandomPart(simulated, part / simulated.part)
     return Detected((Proposal(name, found.gain, threshold, Carrier.FLOOR, random_part=random_part),))
 

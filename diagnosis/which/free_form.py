@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from diagnosis.model.fit import Fit
 from diagnosis.which.scan import BATCH, FOLDS, NuisanceProjection, linear_columns, linear_parts
 from models.effects.base import Effect, parameters
+from models.effects.priors import Priors
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -55,8 +56,9 @@ def member_columns(
 ) -> tuple[tuple[Effect, ...], Array]:
     """The linear parts of a free form's members (SI), and by how much each changes the innovations after the
     projection: columns (n, k) of unit energy [1]."""
-    made = members(effect)
-    parts = tuple(part for member in made for part in linear_parts(member))
+    priors = fitted.candidate.nominal.priors
+    made = members(effect, priors)
+    parts = tuple(part for member in made for part in linear_parts(member, priors))
     return parts, unit_columns(made, fitted, records, projection)
 
 
@@ -71,10 +73,10 @@ def unit_columns(
     return np.asarray(whole)
 
 
-def members(effect: Effect) -> tuple[Effect, ...]:
-    """The members (SI) of a free form of the effect's law: of its shapes over a wide range, or the harmonics of its
-    period."""
-    items = parameters(type(effect))
+def members(effect: Effect, priors: Priors) -> tuple[Effect, ...]:
+    """The members (SI) of a free form of the effect's law in a machine of these priors: of its shapes over a wide
+    range, or the harmonics of its period."""
+    items = parameters(type(effect), priors)
     periods = [item for item in items if item.role == "period"]
     if periods:
         (period,) = periods

@@ -26,7 +26,6 @@ from models.records.record import Record
 Array = NDArray[np.float64]
 
 RIVALS: Final = 6  # names with the largest gains whose free forms are compared
-TRIED_PROPOSALS: Final = 5  # proposals that are looked at beside the free forms of what is in the model
 FREE: Final = 0.3  # of an effect's size: deviation of the parts of its free form, where others are judged beside it
 
 
@@ -97,17 +96,17 @@ def forms(fitted: Fit, gained: Mapping[str, float], baseline: Baseline) -> dict[
 def beside_free_forms(
     proposals: Sequence[Proposal], fitted: Fit, records: Sequence[Record], own: NuisanceProjection
 ) -> tuple[Proposal, ...]:
-    """The proposals, the most promising of other kinds than the effects in the model with no more than they gain beside
-    the free forms of these: what the first law in another form explains needs no second law."""
+    """The proposals, those of other kinds than the effects in the model with no more than they gain beside the free
+    forms of these: what the first law in another form explains needs no second law."""
     inside = {type(effect).kind() for effect in fitted.candidate.added_effects}
     other = [one.effect for one in proposals if one.effect is not None and one.gain > one.threshold]
-    other = [effect for effect in other if type(effect).kind() not in inside][:TRIED_PROPOSALS]
+    other = [effect for effect in other if type(effect).kind() not in inside]
     if not inside or not other:
         return tuple(proposals)
     free = with_free_forms(own, fitted, records)
-    given = linear_columns(other, fitted, records)
+    given, priors = linear_columns(other, fitted, records), fitted.candidate.nominal.priors
     known = {
-        effect.name: finding_of(effect, *by_segment(free(raw), free), free).held_out
+        effect.name: finding_of(effect, *by_segment(free(raw), free), free, priors).held_out
         for effect, raw in zip(other, given, strict=True)
     }
     less = [replace(one, gain=min(one.gain, known.get(one.name, one.gain))) if one.effect else one for one in proposals]

@@ -28,6 +28,7 @@ from models.compiled import compiled
 from models.effects.base import VISIBLE_SIGNALS, Effect, Place, parameters
 from models.effects.catalogue import in_order
 from models.effects.parameter import POSITIVE, Parameter
+from models.effects.priors import Priors
 from models.plant import Mode
 from models.records.record import Record
 
@@ -149,11 +150,12 @@ def _findings(
     batch: Sequence[Effect], fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, known: Columns
 ) -> tuple[list[Finding], Columns]:
     raw = [known[effect] for effect in batch] if batch[0] in known else linear_columns(batch, fitted, records)
+    priors = fitted.candidate.nominal.priors
     products, slopes = by_segment(projection(np.hstack(raw, dtype=np.float32)), projection)
     found, kept, begin = list[Finding](), dict[Effect, NDArray[Any]](), 0
     for effect, given in zip(batch, raw, strict=True):
         end = begin + given.shape[1]
-        found.append(finding_of(effect, products[:, begin:end], slopes[:, begin:end], projection))
+        found.append(finding_of(effect, products[:, begin:end], slopes[:, begin:end], projection, priors))
         shown = products[:, begin:end, 0].sum() > MIN_ORTHOGONAL_FRACTION * np.sum(given**2)
         if shown and not effect.differentiates:
             kept[effect] = given.astype(np.float32, copy=effect not in known)
@@ -163,22 +165,25 @@ def _findings(
 
 def linear_columns(batch: Sequence[Effect], fitted: Fit, records: Sequence[Record]) -> list[NDArray[Any]]:
     """The change of the innovations by each effect's linear parts: (n, 1) or (n, 2) [1] each."""
-    variants = [variant for effect in batch for variant in linear_parts(effect)]
+    parts = [linear_parts(effect, fitted.candidate.nominal.priors) for effect in batch]
+    variants = list(itertools.chain.from_iterable(parts))
     added = [in_order((*fitted.candidate.effects, variant)) for variant in variants]
     whole = columns(fitted.candidate, added, records, fitted.paths, fitted.residuals, fitted.walk)
     whole *= weights(records)[:, None]
-    ends = np.cumsum([len(linear_parts(effect)) for effect in batch])
+    ends = np.cumsum(list(map(len, parts)))
     return np.split(whole, ends[:-1], axis=1)
 
 
-def finding_of(effect: Effect, products: Array, slopes: Array, projection: NuisanceProjection) -> Finding:
-    """The effect's amplitude by least squares, and its gains [1], from the sums of `by_segment` for its one or two
-    columns: products (S, k, 2), slopes (S, k)."""
+def finding_of(
+    effect: Effect, products: Array, slopes: Array, projection: NuisanceProjection, priors: Priors
+) -> Finding:
+    """The effect's amplitude by least squares in a machine of these priors, and its gains [1], from the sums of
+    `by_segment` for its one or two columns: products (S, k, 2), slopes (S, k)."""
     k = slopes.shape[1]
     grams = products[:, :, :1] * np.eye(k)
     if k == 2:  # a sine and a cosine
         grams[:, 0, 1] = grams[:, 1, 0] = products[:, 0, 1]
-    ridge = (1e-9 * np.trace(grams.sum(axis=0)) + 1e-12) * np.eye(k)
+    ridge = np.diag(1e-9 * np.diag(grams.sum(axis=0)) + 1e-12)
     total, slope = grams.sum(axis=0) + ridge, slopes.sum(axis=0)
     best = -np.linalg.solve(total, slope)
     gain = float(-(2 * slope @ best + best @ total @ best))
@@ -187,7 +192,7 @@ def finding_of(effect: Effect, products: Array, slopes: Array, projection: Nuisa
     gram, by = np.tensordot(projection.in_fold, grams, 1), projection.in_fold @ slopes
     trained = -np.linalg.solve(total - gram, (slope - by)[:, :, None])
     held_out = -float(np.sum(trained * (2 * by[:, :, None] + gram @ trained)))
-    return Finding(sized(effect, best), gain, held_out)
+    return Finding(sized(effect, best, priors), gain, held_out)
 
 
 def _possible(effect: Effect, factor: Array) -> bool:
@@ -229,19 +234,19 @@ def quadratures(effect: Effect) -> tuple[Effect, ...]:
     return tuple(replace(effect, **{phases[0]: angle}) for angle in (0.0, np.pi / 2))
 
 
-def linear_parts(effect: Effect) -> tuple[Effect, ...]:
-    """What the effect is a sum of, each at its typical size (SI): its quadratures, or a part for each of its
-    amplitudes."""
-    items = [item for item in parameters(type(effect)) if item.role == "amplitude"]
+def linear_parts(effect: Effect, priors: Priors) -> tuple[Effect, ...]:
+    """What the effect is a sum of, each at its typical size (SI) in a machine of these priors: its quadratures, or a
+    part for each of its amplitudes."""
+    items = [item for item in parameters(type(effect), priors) if item.role == "amplitude"]
     if len(items) < 2:
         return quadratures(effect)
     alone = ({item.name: item.typical if item is one else 0.0 for item in items} for one in items)
     return tuple(replace(effect, **sizes) for sizes in alone)
 
 
-def sized(effect: Effect, factor: Array) -> Effect:
+def sized(effect: Effect, factor: Array, priors: Priors) -> Effect:
     """The effect with its amplitude or width times a factor (1,), or with the sizes (2,) of its linear parts; [1]."""
-    items = parameters(type(effect))
+    items = parameters(type(effect), priors)
     several = [item for item in items if item.role == "amplitude"]
     if factor.size == len(several) > 1:
         return replace(effect, **{item.name: item.typical * float(f) for item, f in zip(several, factor, strict=True)})

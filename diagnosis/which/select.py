@@ -8,6 +8,7 @@ constants) before a second class is looked for.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields, replace
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 
 ITERATIONS: Final = 8  # of the fit of an effect with everything else
 ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else moves
+OVERLAP_WIDTHS: Final = 3.0  # of resonances, in the widths of both: within, one of the other sign takes from the first
 
 
 @dataclass(frozen=True)
@@ -385,16 +387,28 @@ def _is_impossible(fitted: Fit, name: str) -> bool:
     for effect in fitted.candidate.added_effects:
         for field in fields(effect) if effect.name == name else ():
             declared = declaration(field, effect)
-            most = declared and (declared.below if declared.below is not None else declared.at_most)
-            if most is not None and getattr(effect, field.name) > most:
+            if declared and declared.below is not None and getattr(effect, field.name) > declared.below:
                 return True
     return False
 
 
 def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this class, the machine file's among them, have first amplitudes of both signs."""
-    sizes = [size for effect in fitted.candidate.effects if effect.name == name for size in amplitudes(effect)[:1]]
-    return min(sizes, default=0.0) < 0 < max(sizes, default=0.0)
+    """Whether members of this class, the machine file's among them, have first amplitudes of both signs; modes only
+    where their resonances overlap, as others of both signs are usual."""
+    alike = [effect for effect in fitted.candidate.effects if effect.name == name and amplitudes(effect)]
+    return any(
+        amplitudes(one)[0] * amplitudes(other)[0] < 0 and _overlap(one, other)
+        for one, other in itertools.combinations(alike, 2)
+    )
+
+
+def _overlap(one: Effect, other: Effect) -> bool:
+    """Whether laws act at the same frequencies: all do but modes that are apart by more than a few of their widths."""
+    pairs = list(itertools.product(one.modes(), other.modes()))
+    return not pairs or any(
+        abs(a.frequency - b.frequency) < OVERLAP_WIDTHS * (a.damping * a.frequency + b.damping * b.frequency)
+        for a, b in pairs
+    )
 
 
 def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:

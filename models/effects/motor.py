@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from models.effects.base import Effect, H, Numbers, Place, X, hook
-from models.effects.parameter import counted, parameter, period, phase, switch
+from models.effects.parameter import MAX_SCALED_FACTOR, counted, parameter, period, phase, switch
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
@@ -125,7 +125,10 @@ class ThrustSaturation(Effect):
     source: ClassVar = "assumed: the first term of iron that saturates alike both ways"
     hooks: ClassVar = {Place.THRUST: _saturating}
     loss: float = counted(
-        parameter("1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0), {"thrust": -2}
+        parameter(
+            "1", "part a that is lost at 100 N", 0.01, 0.1, "amplitude", at_least=0, at_most=0.1 * MAX_SCALED_FACTOR
+        ),
+        {"thrust": -2},
     )
 
     def at_rating(self, rated_thrust: float) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -14,7 +15,8 @@ from typing import Any, Final
 from models.effects.priors import Powers, Range
 from models.quantity import value
 
-MAX_SIZE_FACTOR: Final = 1e6  # A size may be so many times its usual ones: axes differ by less.
+MAX_SIZE_FACTOR: Final = 1e6  # A size may be so many times its usual ones: axes differ by less,
+MAX_SCALED_FACTOR: Final = 1e12  # but in lengths and forces by more: from piezo stages and micromotors to gantries.
 ROLES: Final = ("amplitude", "shape", "period", "phase", "width", "switch")
 POSITIVE: Final = ("shape", "period", "width")  # roles of sizes that are above 0 and differ by factors: see Parameter
 COORDINATES: Final = {"position": "m", "reading": "m", "command": "N", "time": "s"}
@@ -166,12 +168,14 @@ def _field(prior: Parameter, **limits: Any) -> Any:
 
 def _far(prior: Parameter, limits: Mapping[str, Any]) -> dict[str, Any]:
     """How far a size may be from its usual ones in a machine file: beyond, a law's numbers lose their meaning."""
-    most = MAX_SIZE_FACTOR * max(abs(prior.low), abs(prior.high))
-    far: dict[str, Any] = {"because": f"more than a factor of {MAX_SIZE_FACTOR:.0e} from its usual sizes"}
+    is_scaled = any(unit in {"m", "N", "kg"} for unit in re.split(r"[^a-zA-Z]+", prior.unit))
+    factor = MAX_SCALED_FACTOR if is_scaled else MAX_SIZE_FACTOR
+    most = factor * max(abs(prior.low), abs(prior.high))
+    far: dict[str, Any] = {"because": f"more than a factor of {factor:.0e} from its usual sizes"}
     if "below" not in limits:
         far["at_most"] = most
     if prior.role in {"shape", "period"} and prior.low > 0:
-        far["at_least"] = prior.low / MAX_SIZE_FACTOR
+        far["at_least"] = prior.low / factor
     elif "above" not in limits:
         far["at_least"] = -most
     return far

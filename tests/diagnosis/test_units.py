@@ -6,7 +6,7 @@ quantities: of both it is the same here.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,17 @@ from diagnosis.records.units import WALK, holds, loop_time, noise, slow_walk, un
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.where.force import steady_deviation
+from diagnosis.which.free_form import members
 from diagnosis.which.prune import prune
 from diagnosis.which.random_force import levels
 from diagnosis.which.select import select
-from models.effects.base import parameters
+from models.effects.base import Effect, parameters
 from models.effects.catalogue import every
-from models.effects.friction_laws import ViscousFriction
-from models.effects.priors import REFERENCE, Priors
+from models.effects.friction_laws import DirectionalFriction, ViscousFriction
+from models.effects.priors import REFERENCE, Priors, Units
+from models.effects.structure import AdditionalMode
 from models.friction import elements
+from models.quantity import declaration, nearest
 from tests.diagnosis.slow import leg
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
@@ -43,6 +46,8 @@ SMOOTH = replace(MACHINE, scale=replace(MACHINE.scale, resolution=0.0, noise=4e-
 """With a scale that does not round: a reading that goes over to the next step by the rounding of other units makes
 another simulated floor, by 0.6 % of its energy."""
 ALL = Change(force=1 / 40, length=3.0, time=0.5)
+MOTOR = Change(force=1e-4, length=1e3)
+PIEZO = Change(force=0.05, length=1e-3)
 CHANGES = (Change(force=1 / 40), Change(length=3.0), Change(time=0.5), ALL)
 
 
@@ -70,6 +75,47 @@ def test_the_same_machine_in_other_units_gets_the_same_answer(
     assert there.closure.closure == pytest.approx(here.closure.closure, abs=1e-5)
     assert there.closure.interval == pytest.approx(here.closure.interval, abs=1e-5)
     assert other == pytest.approx(gains, rel=1e-3)
+
+
+@pytest.mark.parametrize("effect", [DirectionalFriction(0.06, 2e-6, 0), AdditionalMode(4e-3, 220.0, 0.02)])
+def test_a_motor_of_milligrams_gets_the_names_of_a_table(effect: Effect) -> None:
+    """The drag beside a direction had the size of the table's, which hid the direction, and a mode of so light an axis
+    was larger than one of the table can be."""
+    found, _ = _answer(MOTOR, [effect])
+    assert (found.outcome, found.names) == (Outcome.ATTRIBUTED, (effect.name,))
+
+
+@pytest.mark.parametrize("name", sorted(every()))
+@pytest.mark.parametrize("change", [MOTOR, PIEZO])
+def test_a_free_form_is_as_wide_as_the_machine_asks(name: str, change: Change) -> None:
+    kind, priors = every()[name], Priors(units=_units_in(change))
+    usual, here = Priors(units=_units_in(Change())), kind.typical(Priors(units=_units_in(Change())))
+    there = kind.typical(priors)
+    assert [_told(one, change) for one in members(here, usual)] == [
+        pytest.approx(list(one.values())) for one in members(there, priors)
+    ]
+
+
+@pytest.mark.parametrize("name", sorted(every()))
+@pytest.mark.parametrize("change", [MOTOR, PIEZO])
+def test_a_machine_file_may_have_every_usual_size(name: str, change: Change) -> None:
+    kind, priors = every()[name], Priors(units=_units_in(change))
+    for field, item in zip(fields(kind), parameters(kind, priors), strict=True):
+        declared = declaration(field)
+        assert declared is not None
+        for size in (item.low, item.high):
+            assert nearest(size, declared) == size or item.role == "phase", item.name
+
+
+def _units_in(change: Change) -> Units:
+    (record,) = recorded(MACHINE, PLAN[:1], seed=3)
+    return units(change.machine(MACHINE), [change.record(record)])
+
+
+def _told(effect: Effect, change: Change) -> list[float]:
+    """Its parameters in other units; a loss that is stated at 100 N goes with the square of the forces."""
+    items = zip(parameters(type(effect)), effect.values(), strict=True)
+    return [number * (change.force**-2 if one.name == "loss" else change.factor(one.unit)) for one, number in items]
 
 
 def test_an_axis_that_its_friction_does_not_hold_counts_nothing_in_it() -> None:

@@ -33,6 +33,7 @@ from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every, looked_for
 from models.effects.motor import Cogging
+from models.effects.priors import USUAL
 from models.machine import DEFAULT, load
 from models.simulation.simulator import simulate
 from studies.command import to_text
@@ -86,7 +87,7 @@ def test_the_distance_is_what_the_simulated_effect_gains(name: str) -> None:
     given = projection(
         columns(fit.candidate, [(effect,)], records, fit.paths, fit.residuals) * weights(records)[:, None]
     )
-    gain = finding_of(effect, *by_segment(given, projection), projection).gain
+    gain = finding_of(effect, *by_segment(given, projection), projection, USUAL).gain
     assert gain == pytest.approx(_expected(effect), rel=0.35)
     assert gain > THRESHOLD
 
@@ -181,7 +182,7 @@ def test_the_proposal_holds_when_it_is_run() -> None:
         given = projection(
             columns(fit.candidate, variants, records, fit.paths, fit.residuals) * weights(records)[:, None]
         )
-        gains[effect.name] = finding_of(effect, *by_segment(given, projection), projection).gain
+        gains[effect.name] = finding_of(effect, *by_segment(given, projection), projection, USUAL).gain
     assert gains["cogging"] - gains["cable_spring"] > THRESHOLD
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.records.motions import numbered, pieces
-from diagnosis.where.energy import PHASES, _band, bands, label_samples
+from diagnosis.where.energy import PHASES, _band, bands, bootstrap_counts, bootstrap_interval, label_samples
 from models.records.record import Record, feeding_sequence
 
 
@@ -22,6 +22,21 @@ def test_the_last_band_is_no_sliver_and_holds_half_the_sampling_frequency(
     tone = np.tile([1.0, -1.0], 50)
     parts = [_band(tone, low, high, sample_time) for low, high in spans]
     assert [float(np.mean(part**2)) for part in parts] == pytest.approx([0.0] * (len(spans) - 1) + [1.0])
+
+
+@pytest.mark.parametrize("motions", [2, 3, 6, 12, 30])
+def test_the_interval_of_a_share_holds_the_true_one_however_few_the_motions(motions: int) -> None:
+    """Of 2, 3 and 6 motions the quantiles of the draws alone held 53, 74 and 82 %. Where gaps differ much from motion to
+    motion, a few of a hundred are missed beyond the five."""
+    rng, trials, held = np.random.default_rng(1), 300, 0
+    for _ in range(trials):
+        whole = np.exp(rng.normal(0.0, 1.0, motions))
+        drawn = bootstrap_counts(motions, int(rng.integers(1 << 30))) @ np.stack(
+            [whole * rng.beta(2, 3, motions), whole], 1
+        )
+        low, high = bootstrap_interval(drawn[:, 0] / drawn[:, 1], motions)
+        held += low <= 0.4 <= high
+    assert held >= 0.88 * trials
 
 
 def test_behind_a_jump_of_the_reference_the_table_starts_settles_and_rests() -> None:

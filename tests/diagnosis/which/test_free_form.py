@@ -11,6 +11,7 @@ from models.effects.base import Effect, parameters
 from models.effects.catalogue import every
 from models.effects.friction_laws import DwellBreakaway, Stribeck
 from models.effects.motor import Cogging
+from models.effects.priors import USUAL
 from models.effects.structure import FloorVibration
 
 N = 600
@@ -18,7 +19,7 @@ N = 600
 
 @pytest.mark.parametrize("kind", every().values(), ids=lambda kind: kind.name)
 def test_a_free_form_has_few_members_of_its_own_class(kind: type[Effect]) -> None:
-    found = members(kind.typical())
+    found = members(kind.typical(), USUAL)
     assert 0 < len(found) <= MEMBERS
     assert {type(one) for one in found} == {kind}
 
@@ -26,7 +27,7 @@ def test_a_free_form_has_few_members_of_its_own_class(kind: type[Effect]) -> Non
 @pytest.mark.parametrize("law", [Stribeck(0.1, 2e-3), DwellBreakaway(0.1, 1.0, 3e-6)], ids=lambda law: law.name)
 def test_its_shapes_go_far_beyond_their_usual_range(law: Stribeck | DwellBreakaway) -> None:
     for item in parameters(type(law)):
-        sizes = [getattr(one, item.name) for one in members(law)]
+        sizes = [getattr(one, item.name) for one in members(law, USUAL)]
         if item.role == "shape":
             assert min(sizes) == pytest.approx(item.low / SHAPE_RANGE_FACTOR)
             assert max(sizes) == pytest.approx(item.high * SHAPE_RANGE_FACTOR)
@@ -37,9 +38,9 @@ def test_its_shapes_go_far_beyond_their_usual_range(law: Stribeck | DwellBreakaw
 def test_what_repeats_has_its_overtones_for_a_free_form() -> None:
     """Shorter periods of the same origin, or whole multiples of a frequency: no other period, which would draw
     anything."""
-    pitches = [one.values()[1] for one in members(Cogging(1.0, 0.03, 1.0))]
+    pitches = [one.values()[1] for one in members(Cogging(1.0, 0.03, 1.0), USUAL)]
     assert pitches == pytest.approx([0.03 / n for n in range(1, HARMONICS + 1)])
-    frequencies = [one.values()[1] for one in members(FloorVibration(1.0, 5.0, 1.0))]
+    frequencies = [one.values()[1] for one in members(FloorVibration(1.0, 5.0, 1.0), USUAL)]
     assert frequencies == pytest.approx([5.0, 10.0, 15.0])
 
 

@@ -18,7 +18,7 @@ from diagnosis.refit import refit_within
 from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
 from diagnosis.which.scan import linear_columns, partial_out, scan
 from diagnosis.which.stage import Proposal, Stage, excluded
-from models.effects.base import Effect
+from models.effects.base import VISIBLE_SIGNALS, Effect
 from models.effects.catalogue import every
 from models.effects.friction_laws import DirectionalFriction, FrictionDrift, Stribeck, ViscousFriction
 from models.effects.measured import Measured
@@ -83,6 +83,16 @@ def test_a_second_law_that_the_first_ones_free_form_draws_gains_less(records: tu
     plain = nominal_with(MACHINE, (), records)
     none = partial_out(plain, numbered(pieces(records), records))
     assert beside_free_forms((far, same), plain, records, none) == (far, same)
+
+
+def test_no_proposal_keeps_a_gain_that_a_free_form_explains_as_it_is_a_late_one(records: tuple[Record, ...]) -> None:
+    """Only the first five were looked at: a sixth then came before them all."""
+    fitted = nominal_with(MACHINE, (Stribeck(0.1, 2e-3),), records)
+    own = partial_out(fitted, numbered(pieces(records), records))
+    kinds = (kind for kind in every().values() if kind.kind() != SPEED and kind.shown_in() in VISIBLE_SIGNALS)
+    many = [Proposal(kind.name, 1e6, 20.0, effect=kind.typical()) for kind in kinds]
+    assert len(many) > 12
+    assert max(one.gain for one in beside_free_forms(many, fitted, records, own)) < 1e6
 
 
 @pytest.mark.parametrize(

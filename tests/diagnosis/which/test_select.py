@@ -278,6 +278,8 @@ def test_a_law_of_the_rest_may_have_a_time_at_its_bound_where_it_takes_off_the_f
         ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(-0.1, 6e-5, 1)], False),
         ([DirectionalFriction(-0.3, 5e-6, 0), Cogging(1.0, 0.03, 0.0), Cogging(0.5, 0.02, 0.0)], False),
         ([DirectionalFriction(-0.3, 5e-6, 0), FrictionDrift(1e-3)], False),  # of different classes
+        ([AdditionalMode(2e-3, 180.0, 0.02), AdditionalMode(-2e-3, 330.0, 0.02)], False),  # far apart
+        ([AdditionalMode(2e-3, 180.0, 0.02), AdditionalMode(-2e-3, 190.0, 0.02)], True),
     ],
 )
 @pytest.mark.parametrize("owned", [0, 1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import prod
 
 import numpy as np
 import pytest
@@ -13,30 +12,19 @@ from models.effects.catalogue import every
 from models.friction import elements
 from models.machine import load
 from models.simulation.effect_kernel import Path, replay
+from tests.diagnosis.units import Change
 from tests.models.effects.paths import TS
 
-LENGTH, FORCE = 3e-3, 40.0  # a stage of nanometres, driven hard
-SIZES = {"m": LENGTH, "N": FORCE, "s": 1.0, "kg": FORCE / LENGTH, "Hz": 1.0, "1": 1.0}
+CHANGE = Change(force=40.0, length=3e-3)  # a stage of nanometres, driven hard
 FRICTION = load().friction
-OTHER = elements(np.array(FRICTION.stiffness) * FORCE / LENGTH, LENGTH * np.array(FRICTION.limit))
-
-
-def times(unit: str) -> float:
-    """By what a number of this unit is larger on the other machine."""
-    above, *below = unit.split("/")
-    return prod(map(_power, above.split())) / prod(_power(one) for part in below for one in part.split())
-
-
-def _power(name: str) -> float:
-    base, _, exponent = name.partition("^")
-    return SIZES[base] ** int(exponent or 1)
+OTHER = elements(np.array(FRICTION.stiffness) * CHANGE.factor("N/m"), CHANGE.length * np.array(FRICTION.limit))
 
 
 def larger(effect: Effect) -> Effect:
     """As it is on the other machine; a loss that is stated at a thrust goes with its square."""
     made = {}
     for one in parameters(type(effect)):
-        factor = FORCE**-2.0 if (("thrust", -2),) in one.counted_in else times(one.unit)
+        factor = CHANGE.force**-2 if (("thrust", -2),) in one.counted_in else CHANGE.factor(one.unit)
         made[one.name] = getattr(effect, one.name) * (1 if one.role == "switch" else factor)
     return replace(effect, **made)
 
@@ -55,9 +43,9 @@ def path(length: float, force: float) -> Path:
 def test_a_law_does_the_same_on_a_machine_of_other_lengths_and_forces(name: str) -> None:
     effect = every()[name].typical()
     one = replay(FRICTION, [effect], path(1.0, 1.0), 7e-4)
-    same = replay(OTHER, [larger(effect)], path(LENGTH, FORCE), 7e-4)
+    same = replay(OTHER, [larger(effect)], path(CHANGE.length, CHANGE.force), 7e-4)
     for signal in ("thrust", "friction", "force"):
-        expected = FORCE * getattr(one, signal)
-        assert getattr(same, signal) == pytest.approx(expected, rel=1e-6, abs=1e-9 * FORCE), signal
-    assert same.reading == pytest.approx(LENGTH * one.reading, rel=1e-6, abs=1e-15)
+        expected = CHANGE.force * getattr(one, signal)
+        assert getattr(same, signal) == pytest.approx(expected, rel=1e-6, abs=1e-9 * CHANGE.force), signal
+    assert same.reading == pytest.approx(CHANGE.length * one.reading, rel=1e-6, abs=1e-15)
     assert [mode.frequency for mode in larger(effect).modes()] == [mode.frequency for mode in effect.modes()]
