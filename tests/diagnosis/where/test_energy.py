@@ -26,8 +26,8 @@ def test_the_last_band_is_no_sliver_and_holds_half_the_sampling_frequency(
 
 @pytest.mark.parametrize("motions", [2, 3, 6, 12, 30])
 def test_the_interval_of_a_share_holds_the_true_one_however_few_the_motions(motions: int) -> None:
-    """Of 2, 3 and 6 motions the quantiles of the draws alone held 53, 74 and 82 %. Where gaps differ much from motion to
-    motion, a few of a hundred are missed beyond the five."""
+    """Of 2, 3 and 6 motions the quantiles of the draws alone held 53, 74 and 82 %. Where gaps differ much from one
+    motion to the next, a few of a hundred are missed beyond the five."""
     rng, trials, held = np.random.default_rng(1), 300, 0
     for _ in range(trials):
         whole = np.exp(rng.normal(0.0, 1.0, motions))
