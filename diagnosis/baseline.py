@@ -41,7 +41,7 @@ class Baseline:
     known_replays: of the controller on the records as they were logged, where signals that were added behind the
     controller have gone into their feedforward. given: the machine as its file has it, where it has fewer friction
     elements than the records show. biased: nominal values that the re-fit would move where nothing is wrong, by how
-    many of their tolerances [1], so that the weights are those of a rougher drive."""
+    many of their tolerances [1]; where these are many, the weights are those of a rougher drive."""
 
     nominal: Fit
     records: tuple[Record, ...]
@@ -82,6 +82,12 @@ class Baseline:
         """The records as they drive a simulated closed loop; see `driving_record`."""
         pairs = zip(self.records, self.replays, strict=True)
         return tuple(driving_record(self.machine, record, found) for record, found in pairs)
+
+    @property
+    def weighed_for_bias(self) -> bool:
+        """Whether the weights are those of a rougher drive because the re-fit would move values where nothing is wrong,
+        so that they tell nothing of what is left."""
+        return bool(self.biased) and self.nominal.candidate.rough
 
     @cached_property
     def thresholds(self) -> dict[str, float]:
@@ -144,7 +150,7 @@ def refit_and_null(
     chance = first.completed(told)
     biased = beyond = {} if nominal.candidate.rough else _biased(nominal, chance, criteria)
     for rougher in WHITE_FORCE_FACTORS:
-        if not beyond:
+        if max(map(abs, beyond.values()), default=0.0) <= criteria.null_bias_weighed:
             break
         nominal = refit_under(nominal, records, rougher)
         candidate = nominal.candidate

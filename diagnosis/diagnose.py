@@ -193,7 +193,11 @@ def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed:
         plain = answer_of(pruned.stages[:1], pruned, baseline, seed)
         if plain.outcome is not Outcome.NONE:  # the re-fit leaves nothing, so that nothing is out of the catalogue
             found = _diagnosis(plain, pruned, baseline)
-    if found.outcome is Outcome.NONE and baseline.biased and is_right_as_delivered(found.how_far, baseline, seed):
+    if (
+        found.outcome is Outcome.NONE
+        and baseline.weighed_for_bias
+        and is_right_as_delivered(found.how_far, baseline, seed)
+    ):
         # Weights that the re-fit needs, as it bends values where nothing is wrong, tell nothing of what is left.
         plain = largest_adequate(pruned.stages[:1], baseline, seed)
         found = _diagnosis(replace(plain, outcome=Outcome.NOTHING, names=()), pruned, baseline)

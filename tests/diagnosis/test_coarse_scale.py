@@ -65,6 +65,19 @@ def test_the_weights_are_those_under_which_no_value_is_moved(
         assert found.biased["friction_level"] == pytest.approx(-5.4, abs=0.2)
 
 
+def test_a_value_that_is_moved_by_a_few_tolerances_hides_no_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dead time that was moved by 2.0 and a contact's stiffness by 2.4 had made the weights ten times as large, so
+    that nothing had a name on two machines of the trial."""
+    monkeypatch.setitem(BIASED, "friction_level", -2.4)
+    monkeypatch.setitem(BIASED, "payload_mass", 0.0)
+    monkeypatch.setattr(module, "start_null", lambda layout, *_, **__: Chance(layout, (), 99.0))
+    records = recorded(MACHINE, (short(MACHINE),), seed=3)
+    found = refit_and_null(MACHINE, records)
+    assert found.nominal.candidate.roughness == ()
+    assert list(found.biased) == ["friction_level"]  # told, and no file that moves it far is handed over
+    assert not found.weighed_for_bias
+
+
 def test_what_is_found_beside_such_weights_does_not_lower_them() -> None:
     """Chi-square per sample is below 1 under them, by which a rough drive's would be estimated anew."""
     records = recorded(MACHINE, (short(MACHINE),), [ViscousFriction(400.0)], seed=3, wrong=0.0)
