@@ -157,9 +157,10 @@ def reach(machine: Machine) -> float:
     return rounded(max(machine.friction.limit, default=0.0) or 5 * machine.specification.stroke, 1)
 
 
-def length(machine: Machine, distances: float, strokes: float) -> float:
-    """So many presliding distances or specified strokes [m], whichever is more, as far as the axis may travel."""
-    return min(max(distances * reach(machine), strokes * machine.specification.stroke), machine.drive.room)
+def length(machine: Machine, distances: float, strokes: float, onward: int = 1) -> float:
+    """So many presliding distances or specified strokes [m], whichever is more, as far as the axis may travel with so
+    many such moves one after another in one direction."""
+    return min(max(distances * reach(machine), strokes * machine.specification.stroke), machine.drive.room / onward)
 
 
 def pause(machine: Machine) -> float:
@@ -169,8 +170,9 @@ def pause(machine: Machine) -> float:
 
 
 def ladder(machine: Machine) -> tuple[float, ...]:
-    """Sizes of moves [m] up to two presliding distances or the specified stroke."""
-    return tuple(rounded(share * length(machine, 2, 1)) for share in LADDER)
+    """Sizes of moves [m], to be made twice in one direction, up to two presliding distances or the specified stroke."""
+    longest = length(machine, 2, 1, onward=2)
+    return tuple(min(rounded(share * longest), machine.drive.room / 2) for share in LADDER)
 
 
 def rounded(number: float, digits: int = 2) -> float:
@@ -200,9 +202,14 @@ def rests(machine: Machine) -> tuple[float, ...]:
     return tuple(rounded(share * pause(machine)) for share in RESTS)
 
 
+def dwell_stroke(machine: Machine) -> float:
+    """The moves of a dwell sweep [m], twice in one direction: 0.865 specified strokes."""
+    return length(machine, 0, DWELL_STROKE, onward=2)
+
+
 def dwell_sweep(machine: Machine, dwells: Sequence[float] | None = None) -> Schedule:
-    """Moves of 0.865 specified strokes after rests of each length [s], onward in the same direction and back."""
-    stroke, settling = DWELL_STROKE * machine.specification.stroke, machine.specification.settling_time
+    """Moves of `dwell_stroke` after rests of each length [s], onward in the same direction and back."""
+    stroke, settling = dwell_stroke(machine), machine.specification.settling_time
     duration = max(settling, quickest(machine, stroke, UNHURRIED_THRUST_SHARE))
     chosen = rests(machine) if dwells is None else dwells
     return schedule(
@@ -360,12 +367,12 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (FAST_MOVE_PLACES - 1))
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
-    loops = tuple(rounded(share * reach(machine)) for share in (0.3, 0.1, 0.03, 0.01))
+    loops = tuple(rounded(share * min(reach(machine), machine.drive.room)) for share in (0.3, 0.1, 0.03, 0.01))
     strong, gentle = shaking(machine), shaking(machine, 0.018)
     return (
         Experiment(
-            f"a dwell sweep: moves of {show(DWELL_STROKE * machine.specification.stroke, 'm', 3)} after rests of "
-            f"{_list(rests(machine), 1)} s, onward in the same direction and back",
+            f"a dwell sweep: moves of {show(dwell_stroke(machine), 'm', 3)} after rests of {_list(rests(machine), 1)} "
+            "s, onward in the same direction and back",
             dwell_sweep(machine),
             ("dwell", "time_in_motion"),
         ),

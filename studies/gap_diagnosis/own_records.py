@@ -68,7 +68,7 @@ def _schedules(machine: Machine, *, quick: bool) -> tuple[Schedule, ...]:
     if not quick:
         return experiments.sequence(machine), experiments.suite(machine)
     rest = experiments.pause(machine)
-    near, most = (experiments.length(machine, 0, strokes) for strokes in (5, 1000))
+    near, most = experiments.length(machine, 0, 5, onward=2), experiments.length(machine, 0, 1000)
     # Of an axis whose strokes are long, no further than it goes while a motion settles.
     far = max(machine.specification.stroke, experiments.rounded(min(most, machine.drive.rated_speed * rest / 3)))
     speed = experiments.allowed(machine, far, experiments.rounded(0.15 * far / rest))
