@@ -271,9 +271,12 @@ def hard_moves(machine: Machine, distance: float) -> Schedule:
 
 
 def moves_along(machine: Machine, places: int, apart: float, distance: float) -> Schedule:
-    """Fast moves of `distance` [m] back and forth at places `apart` [m], at half of the rated thrust."""
+    """Fast moves of `distance` [m] back and forth at places `apart` [m], at half of the rated thrust; as many at one
+    place where there is no room for others."""
     fast, rest = quickest(machine, distance, 0.5), pause(machine)
     here = [Move(sign * distance, fast, 6 * rest) for sign in (1, -1)]
+    if apart == 0:
+        return schedule("moves at one place", machine, here * places)
     on, back = Move(apart, _calm(machine, apart, 16), 8 * rest), -apart * (places - 1)
     steps = [*here, *([on, *here] * (places - 1)), Move(back, _calm(machine, abs(back), 40), 8 * rest)]
     return schedule("moves along the way", machine, steps)
@@ -365,6 +368,12 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     half = min(HALF_WAY * machine.drive.travel, AT_TOP_SPEED * machine.drive.rated_speed)
     longest = max(length(machine, 600, 3), rounded(min(half, machine.drive.room)))
     apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (FAST_MOVE_PLACES - 1))
+    apart = apart if apart > machine.scale.resolution else 0.0  # what the scale cannot tell apart is one place
+    where = (
+        f"at {FAST_MOVE_PLACES} places {show(apart, 'm', 3)} apart"
+        if apart > 0
+        else f"{FAST_MOVE_PLACES} times at one place"
+    )
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
     loops = tuple(rounded(share * min(reach(machine), machine.drive.room)) for share in (0.3, 0.1, 0.03, 0.01))
@@ -421,8 +430,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
             ("command",),
         ),
         Experiment(
-            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, at {FAST_MOVE_PLACES} "
-            f"places {show(apart, 'm', 3)} apart",
+            f"fast moves of {show(short, 'm', 3)} back and forth, at half the rated thrust, {where}",
             moves_along(machine, FAST_MOVE_PLACES, apart, short),
         ),
         Experiment(

@@ -70,6 +70,18 @@ def test_what_depends_on_the_place_is_looked_at_over_half_of_a_stated_travel() -
         assert travel == 0.0 or way <= machine.drive.room * 1.001
 
 
+@pytest.mark.parametrize(("travel", "places"), [(0.0, 6), (2e-3, 6), (1e-3, 1)])
+def test_moves_that_leave_no_room_for_other_places_are_made_at_one(travel: float, places: int) -> None:
+    """A piezo stage of 400 nm was to make them "at 6 places 0 m apart"."""
+    machine = replace(MACHINE, drive=replace(MACHINE.drive, travel=travel))
+    (fast,) = (one for one in menu(machine) if one.words.startswith("fast moves"))
+    assert fast.words.endswith("6 times at one place" if places == 1 else "apart")
+    assert " 0 m " not in fast.words
+    rests = fast.schedule.target[np.flatnonzero(np.diff(fast.schedule.target))]
+    assert np.unique(rests.round(9)).size == 2 * places
+    assert np.count_nonzero(np.diff(fast.schedule.target) > 0) >= 6
+
+
 def test_what_a_cascade_feeds_forward_by_itself_is_not_in_the_references_too() -> None:
     """The strokes for a die bonder's axis of 6 kg with its own acceleration feedforward had pushed twice."""
     plain, own = axis(replace(CASCADE, acceleration_feedforward=0.0)), axis()
