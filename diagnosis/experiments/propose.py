@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
-from diagnosis.model.fit import Fit, weights
+from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import WALK, Candidate, evaluate, nominal_slopes, smooth
+from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import pieces
 from diagnosis.records.units import loop_time
 from diagnosis.where.sentences import words
+from models.effects.catalogue import in_order
 from models.machine import Machine
 from models.quantity import listed
 from models.records.record import Record
@@ -182,16 +183,12 @@ def _distances(machine: Machine, one: Experiment, asked: Sequence[str], seed: in
 
 
 def virtual(machine: Machine, planned: Schedule, seed: int = 0, white_force: float | None = None) -> tuple[Fit, Record]:
-    """The record that the nominal machine would make of a schedule, and the linearisation along it, with a white force
-    of standard deviation `white_force` [N]; nothing is fitted. Forces in [N]."""
-    noisy = replace(machine, effects=(), scale=machine.scale.noisy())
+    """The record that the nominal machine, with the effects that its file states, would make of a schedule, and the
+    linearisation along it, with a white force of standard deviation `white_force` [N]; nothing is fitted. Forces in
+    [N]."""
+    noisy = replace(machine, scale=machine.scale.noisy())
     record = simulate(noisy, machine.feedback_only(), planned.target, given=planned.given, seed=seed).record
     layout = parameters(noisy, 1)
-    usual = Candidate(layout, np.zeros(layout.count))
+    usual = Candidate(layout, np.zeros(layout.count), in_order(noisy.effects))
     candidate = replace(usual, roughness=(white_force / usual.usual_white_force,)) if white_force else usual
-    paths = smooth(candidate, [record])
-    residuals = evaluate(candidate, [record], paths)
-    weight = weights([record])
-    slopes = nominal_slopes(candidate, [record], residuals) * weight[:, None]
-    e = residuals[0].innovations * weight
-    return Fit(candidate, paths, residuals, e, slopes, np.zeros((e.size, 0)), float(e @ e), WALK), record
+    return fit(candidate, [record], iterations=0), record

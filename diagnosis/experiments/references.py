@@ -16,6 +16,7 @@ from diagnosis.experiments.schedules import (
     Schedule,
     Step,
     quickest,
+    room,
     schedule,
     suite,
 )
@@ -52,7 +53,7 @@ def axis_references(machine: Machine) -> dict[str, Schedule]:
 def _slow_loops(machine: Machine) -> Schedule:
     """Two slow loops over 2.5 presliding distances either way, as far as the axis may travel, then four inner ones; the
     inertial force is slight."""
-    ts, reach = machine.sample_time, min(max(machine.friction.limit), machine.drive.room / (2 * WIDE[0]))
+    ts, reach = machine.sample_time, min(max(machine.friction.limit), room(machine) / (2 * WIDE[0]))
     heavy = machine.plant.mass * WIDE[0] * reach / (MAX_SLOW_INERTIA_SHARE * machine.friction.coulomb_force)
     count = max(SAMPLES, round(2 * np.pi * np.sqrt(heavy) / ts))
     two = 4 * np.pi * _from_rest_to_rest(2 * count, count // GENTLY)
@@ -70,7 +71,7 @@ def _sweep(machine: Machine, level: float, sign: float = 1.0) -> Schedule:
     an acceleration feedforward of its own would answer a step of speed with all its thrust.
     """
     ts, begin, count = machine.sample_time, SWEEP // 20, SWEEP
-    speed = min(ROLLING * machine.drive.rated_speed, machine.drive.room / ((begin + count) * ts))
+    speed = min(ROLLING * machine.drive.rated_speed, room(machine) / ((begin + count) * ts))
     share = np.arange(count) / count
     low, rate = TOP / ts / 10**DECADES, DECADES * np.log(10)
     frequency = low * np.exp(rate * share)
@@ -105,7 +106,7 @@ def _strokes(machine: Machine) -> Schedule:
     feedforward. The longest come first: from their end on the friction's state is known, and a fit begins there."""
     wanted = machine.specification
     steps: list[Step] = []
-    far = min(10.0, machine.drive.room / (wanted.motions * wanted.stroke))  # specified strokes
+    far = min(10.0, room(machine) / (wanted.motions * wanted.stroke))  # specified strokes
     for size in (far, 1.0, 0.5):
         for sign in (1, -1):
             steps += [_move(machine, sign * size * wanted.stroke)] * wanted.motions

@@ -8,7 +8,7 @@ What an axis is asked to do is in its own sizes: lengths in the specified stroke
 distance, speeds in the rated one, forces in the friction, frequencies in the sample rate, times in the specified
 settling time or in samples where that is less; but for what is watched as long as an engineer would: a hold of 15 s,
 for what goes on by itself, and a stroke over most of the travel, of 3 s at the most. The rated thrust and speed are
-kept to, and the travel where the machine file states it.
+kept to, and the travel and what a spring to ground takes where the machine file states them.
 """
 
 from __future__ import annotations
@@ -157,10 +157,18 @@ def reach(machine: Machine) -> float:
     return rounded(max(machine.friction.limit, default=0.0) or 5 * machine.specification.stroke, 1)
 
 
+def room(machine: Machine) -> float:
+    """How long the way of an experiment may be [m]: what the travel leaves where it is stated; and no further than
+    where a spring that the file states leaves of the rated thrust what unhurried moves take, wherever they begin."""
+    spring = sum(effect.spring_to_ground() for effect in machine.effects)
+    held = (1 - UNHURRIED_THRUST_SHARE) * machine.drive.rated_thrust
+    return min(machine.drive.room, held / spring if spring > 0 else np.inf)
+
+
 def length(machine: Machine, distances: float, strokes: float, onward: int = 1) -> float:
     """So many presliding distances or specified strokes [m], whichever is more, as far as the axis may travel with so
     many such moves one after another in one direction."""
-    return min(max(distances * reach(machine), strokes * machine.specification.stroke), machine.drive.room / onward)
+    return min(max(distances * reach(machine), strokes * machine.specification.stroke), room(machine) / onward)
 
 
 def pause(machine: Machine) -> float:
@@ -172,7 +180,7 @@ def pause(machine: Machine) -> float:
 def ladder(machine: Machine) -> tuple[float, ...]:
     """Sizes of moves [m], to be made twice in one direction, up to two presliding distances or the specified stroke."""
     longest = length(machine, 2, 1, onward=2)
-    return tuple(min(rounded(share * longest), machine.drive.room / 2) for share in LADDER)
+    return tuple(min(rounded(share * longest), room(machine) / 2) for share in LADDER)
 
 
 def rounded(number: float, digits: int = 2) -> float:
@@ -366,8 +374,8 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     high, each_way = top(machine), 8 * pause(machine)
     stroke, short = length(machine, 100, 0.1), length(machine, 10, 0.1)
     half = min(HALF_WAY * machine.drive.travel, AT_TOP_SPEED * machine.drive.rated_speed)
-    longest = max(length(machine, 600, 3), rounded(min(half, machine.drive.room)))
-    apart = min(length(machine, 100, 0.5), (machine.drive.room - short) / (FAST_MOVE_PLACES - 1))
+    longest = max(length(machine, 600, 3), min(rounded(half), room(machine)))
+    apart = min(length(machine, 100, 0.5), (room(machine) - short) / (FAST_MOVE_PLACES - 1))
     apart = apart if apart > machine.scale.resolution else 0.0  # what the scale cannot tell apart is one place
     where = (
         f"at {FAST_MOVE_PLACES} places {show(apart, 'm', 3)} apart"
@@ -376,7 +384,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
     )
     speeds = tuple(dict.fromkeys(rounded(at_share(machine, stroke, share), 3) for share in SPEEDS))
     slow, fast = speeds[0], rounded(at_share(machine, longest, 1 / 16), 3)
-    loops = tuple(rounded(share * min(reach(machine), machine.drive.room)) for share in (0.3, 0.1, 0.03, 0.01))
+    loops = tuple(rounded(share * min(reach(machine), room(machine))) for share in (0.3, 0.1, 0.03, 0.01))
     strong, gentle = shaking(machine), shaking(machine, 0.018)
     return (
         Experiment(
@@ -395,7 +403,7 @@ def menu(machine: Machine) -> tuple[Experiment, ...]:
         Experiment(
             f"a slow stroke of {show(stroke, 'm', 3)} there and back at {slow * 1e3:g} mm/s, not commensurate with "
             "the scale's period",
-            strokes(machine, min(stroke + 0.17 * reach(machine), machine.drive.room), (slow,)),
+            strokes(machine, min(stroke + 0.17 * reach(machine), room(machine)), (slow,)),
             (),
         ),
         Experiment(

@@ -7,7 +7,7 @@ allow, and so short that several fit into a minute.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -57,7 +57,9 @@ def own_test(machine: Machine, bounds: Bounds) -> Experiment:
 
 
 def experiments(machine: Machine, bounds: Bounds) -> tuple[Experiment, ...]:
-    """The experiments that this machine may run [SI], each within the bounds; what is not is left out."""
+    """The experiments that this machine may run [SI], each within the bounds and the room that its file leaves; what is
+    not is left out."""
+    bounds = replace(bounds, distance=min(bounds.distance, made.room(machine)))
     found = (build(machine, bounds) for build in BUILDERS)
     return tuple(one for one in found if bounds.keep(one.schedule, machine.sample_time))
 
