@@ -11,11 +11,12 @@ from diagnosis.baseline import refit_and_null
 from diagnosis.criteria import Criteria
 from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess, tested
-from diagnosis.experiments.information import ExperimentInformation, information_of
+from diagnosis.experiments.information import ExperimentInformation, information_of, told_by, usual_sizes
 from diagnosis.experiments.look import Found, Look, look
 from diagnosis.experiments.policy import Choice, Choose, Knowledge, Stop
 from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.experiments.within_limits import Bounds, experiments
+from models.effects.priors import Priors
 from models.machine import Machine
 from models.records.record import Record
 
@@ -102,11 +103,13 @@ def ask(
     """
     say(0.0, "what each experiment would tell, by simulation")
     names = names_of(machine, settings.disabled)
-    menu = information_of(machine, experiments(machine, budget.bounds), names, settings.seed)
+    possible = experiments(machine, budget.bounds)
+    menu = information_of(machine, possible, names, settings.seed)
     known = Knowledge(names, menu, (0,) * len(menu), (), EProcess(), budget.seconds, budget.records, settings.criteria)
     course = _Course(known, records=tuple(have))
     if have:
-        course = _looked(course, machine, settings, Choice((), "records that there were"), known)
+        there = Choice((), "records that there were")
+        course = _looked(course, machine, settings, there, known, usual_sizes(machine, possible))
     choice = _next(course.known, choose)
     while choice is not None and policy.ending(course.known, budget.chance) is None:
         parts = [course.known.experiments[i] for i in choice.places]
@@ -142,10 +145,20 @@ class _Course:
     last: Look | None = None
 
 
-def _looked(course: _Course, machine: Machine, settings: Settings, choice: Choice, begun: Knowledge) -> _Course:
-    """One diagnosis of all records, after the last one was tested against what the look before had named."""
+def _looked(
+    course: _Course,
+    machine: Machine,
+    settings: Settings,
+    choice: Choice,
+    begun: Knowledge,
+    sizes: Priors | None = None,
+) -> _Course:
+    """One diagnosis of all records, after the last one was tested against what the look before had named; sizes: of
+    the effects that experiments would show [SI], where the records are not of experiments, to know what these told."""
     baseline = refit_and_null(machine, course.records, criteria=settings.criteria, cache=settings.cache)
     known, last = course.known, course.last
+    if sizes is not None:
+        known = replace(known, had=told_by(baseline.nominal, course.records, known.effects, sizes))
     process = tested(last, baseline, known.process) if last is not None else known.process
     now = look(baseline, seed=settings.seed, disabled=settings.disabled)
     known = replace(known, found=(*known.found, now.found), process=process)

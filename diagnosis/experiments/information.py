@@ -10,7 +10,7 @@ what they tell together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from diagnosis.experiments.confusability import distances, products
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import Experiment
+from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.records.units import with_units
+from models.effects.priors import Priors
 from models.machine import Machine
 from models.records.record import Record
 
@@ -47,9 +49,24 @@ def information_of(
 ) -> tuple[ExperimentInformation, ...]:
     """What each experiment tells on effects of these names [1]; without those in which the simulated machine does not
     follow its reference."""
-    known = with_units(machine, [_asked(machine, one) for one in found])  # in all of them an effect is the same
+    known = replace(machine, priors=usual_sizes(machine, found))
     each = parallel_map(lambda one: _information_of(known, one, names, seed), found)
     return tuple(one for one in each if one is not None)
+
+
+def usual_sizes(machine: Machine, found: Sequence[Experiment]) -> Priors:
+    """The usual sizes of effects along these experiments' ways [SI], so that in all of them an effect is the same."""
+    return with_units(machine, [_asked(machine, one) for one in found]).priors
+
+
+@on_single_blas_thread
+def told_by(fitted: Fit, records: Sequence[Record], names: Sequence[str], sizes: Priors) -> Array:
+    """What records that there are tell, by the fit of the nominal machine to them: (E, E) [1], as the distance of
+    ExperimentInformation, of effects of these names and usual sizes."""
+    layout = fitted.candidate.layout
+    sized = replace(layout, machine=replace(layout.machine, priors=sizes))
+    along = replace(fitted, candidate=replace(fitted.candidate, layout=sized))
+    return distances(products(along, records, names, usual_only=True), tuple(names)) ** 2
 
 
 def _information_of(machine: Machine, one: Experiment, names: Sequence[str], seed: int) -> ExperimentInformation | None:

@@ -53,7 +53,7 @@ class Knowledge:
 
     effects: by their place in the tables of the experiments; runs (M,): how often each experiment was run; found: by
     look; process: of all looks; seconds [s] and records that are left of the budget; barred: the places of experiments
-    that the machine did not run.
+    that the machine did not run; had (E, E) [1]: what the records that there were told, or nothing.
     """
 
     effects: tuple[str, ...]
@@ -65,6 +65,7 @@ class Knowledge:
     records: int
     criteria: Criteria = Criteria()
     barred: frozenset[int] = frozenset()
+    had: Array | float = 0.0
 
     def within(self, seconds: float) -> dict[int, ExperimentInformation]:
         """By place, the experiments that may be asked for and take no longer [s]."""
@@ -76,7 +77,7 @@ class Knowledge:
         """(E, E) [1]: what the records so far tell of each effect and each pair at their usual sizes."""
         count = len(self.effects)
         told = [n * one.distance for n, one in zip(self.runs, self.experiments, strict=True)]
-        return np.asarray(np.sum([np.zeros((count, count)), *told], axis=0))
+        return np.asarray(np.sum([np.zeros((count, count)), *told], axis=0) + self.had)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from diagnosis.experiments.active import Budget, NotRun, ask, to_json
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.information import ExperimentInformation, information_of
 from diagnosis.experiments.look import Found
-from diagnosis.experiments.policy import Stop
+from diagnosis.experiments.policy import Knowledge, Stop
 from diagnosis.experiments.schedules import Schedule
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.verdict import Outcome
@@ -47,7 +47,8 @@ def script(menu: tuple[ExperimentInformation, ...], monkeypatch: pytest.MonkeyPa
         left = list(answers)
         monkeypatch.setattr(active, "information_of", lambda *_: menu)
         monkeypatch.setattr(active, "names_of", lambda *_: NAMES)
-        monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: records)
+        monkeypatch.setattr(active, "refit_and_null", lambda _machine, records, **_: SimpleNamespace(nominal=records))
+        monkeypatch.setattr(active, "told_by", lambda _fitted, records, names, _sizes: told(records, names))
         monkeypatch.setattr(active, "look", lambda *_, **__: left.pop(0) if len(left) > 1 else left[0])
 
         def tested(before: Any, _now: Any, process: EProcess) -> EProcess:
@@ -56,6 +57,11 @@ def script(menu: tuple[ExperimentInformation, ...], monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(active, "tested", tested)
 
     return prepared
+
+
+def told(records: Sequence[Record], names: Sequence[str]) -> np.ndarray:
+    """That records which there were show the last effect plainly, and tell nothing else."""
+    return 1e4 * len(records) * np.diag(np.arange(len(names)) == len(names) - 1)
 
 
 class Bench:
@@ -142,3 +148,17 @@ def test_records_that_there_are_come_first_and_cost_nothing(script: Any) -> None
     assert found.steps[0].seconds == 0.0
     assert bench.asked[0].name != "own test"
     assert found.records[0] is had
+
+
+def test_what_records_that_there_are_told_is_known_when_the_first_is_chosen(script: Any) -> None:
+    script([NOTHING], 0.0)
+    seen = []
+
+    def none(known: Knowledge) -> None:
+        seen.append(known)
+
+    had = Bench().run(experiments(MACHINE, BUDGET.bounds)[0].schedule)
+    assert isinstance(had, Record)
+    found = ask(MACHINE, Bench().run, BUDGET, have=[had], choose=none)
+    assert found.hidden == NAMES[:-1]
+    np.testing.assert_array_equal(seen[0].distance, told([had], NAMES))

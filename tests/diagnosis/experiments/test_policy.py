@@ -113,6 +113,20 @@ def test_it_goes_on_while_another_effect_is_alike_that_could_be_told_apart() -> 
     assert policy.ending(replace(early, seconds=1.0)) is not None
 
 
+def test_what_earlier_records_told_counts_towards_the_size_that_was_found() -> None:
+    """A gain of 500 that was found in a record which shows cogging by 2000 is a small one: that it was taken for 25
+    times the usual size had ended it, as if what tells a pair by 3 at the usual size told them apart."""
+    menu = (one("own test", 1.0, apart(20.0, 20.0, 20.0, 3 / 20)), one("speeds", 1.0, apart(200.0, 200.0, 200.0)))
+    state = Knowledge(EFFECTS, menu, (1, 0), (COGGING, COGGING), SURE, 10.0, 5)
+    assert policy.questions(state)[1][0] == pytest.approx(500 / 20)
+    assert policy.ending(state) is not None
+    state = replace(state, had=apart(2000.0, 2000.0, 2000.0, 3 / 2000))
+    assert policy.questions(state)[1][0] == pytest.approx(500 / 2020)
+    assert set(policy.indistinguishable(state)["cogging"]) == {"stribeck", "play"}
+    assert policy.ending(state) is None
+    assert policy.hidden(state) == ()
+
+
 def test_nothing_of_these_is_said_after_three_looks() -> None:
     assert policy.ending(known(NONE, NONE)) is None
     assert policy.ending(known(NONE, NONE, NONE))[0] is Stop.NONE  # type: ignore[index]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.experiments.confusability import distances, products
-from diagnosis.experiments.information import information_of
+from diagnosis.experiments.information import information_of, told_by, usual_sizes
 from diagnosis.experiments.propose import virtual
 from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.experiments.within_limits import BUILDERS, Bounds, experiments
@@ -82,6 +82,19 @@ def test_what_two_experiments_tell_is_no_more_than_they_tell_in_one_record() -> 
     assert all(np.linalg.eigvalsh(one.parameters).min() > -1e-6 for one in each)
     seconds = [one.seconds for one in each]
     assert seconds == [one.schedule.target.size * machine.sample_time for one in chosen]
+
+
+def test_a_record_that_there_was_tells_as_much_as_the_same_experiment() -> None:
+    machine = load()
+    possible = experiments(machine, AMPLE)
+    (own,) = (one for one in possible if one.schedule.name == "own test")
+    (planned,) = information_of(machine, [own], EFFECTS)
+    fitted, record = virtual(machine, own.schedule)
+    np.testing.assert_allclose(
+        told_by(fitted, [record], EFFECTS, usual_sizes(machine, [own])), planned.distance, rtol=1e-9
+    )
+    wider = told_by(fitted, [record], EFFECTS, usual_sizes(machine, possible))  # an effect's size goes with the travel
+    assert not np.allclose(wider, planned.distance)
 
 
 def test_an_experiment_that_the_machine_does_not_follow_is_left_out() -> None:
