@@ -10,7 +10,7 @@ from models.effects.base import LIMIT, MOVED, STIFFNESS, Effect, H, Numbers, Pla
 from models.effects.parameter import parameter, period, phase, switch
 
 FORGOTTEN: Final = 5e-3  # s in which a table at rest loses its direction, where it does
-SETTLED: Final = 0.03  # s for a rest's distance: well slower a contact heals, well faster it loses what it gained
+STILL_TIME: Final = 0.03  # s for a rest's distance: well slower a contact heals, well faster it loses what it gained
 SURVEY: Final = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, A survey of models for machines with friction"
 
 
@@ -59,7 +59,7 @@ class FrictionRelaxation(Effect):
 @hook
 def _healing(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
     rise, time, distance = p[0], p[1], p[2]
-    rest = 1.0 / (1.0 + (now[V] * SETTLED / distance) ** 2)
+    rest = 1.0 / (1.0 + (now[V] * STILL_TIME / distance) ** 2)
     gain, loss = rest * now[H] / time, (1.0 - rest) * abs(now[MOVED]) / distance
     final = gain / (gain + loss)
     memory[0] = final + (memory[0] - final) * math.exp(-(gain + loss))

@@ -169,15 +169,7 @@ def test_wrong_nominal_values_are_called_so(null_cache: Path) -> None:
     assert told["gap_improved"]["force_N"] < 0.05  # its offset included
 
 
-def test_a_dead_time_that_is_far_off_is_no_lag(null_cache: Path) -> None:
-    """Also where it is three times as far off as the re-fit lets it go: the lag beside it explains no more."""
-    late = replace(MACHINE, plant=replace(MACHINE.plant, dead_time=MACHINE.plant.dead_time + 2.5e-4))
-    found = diagnose(MACHINE, recorded(late, PLAN, seed=9), cache=null_cache)
-    assert found.outcome == Outcome.PARAMETERS
-    assert "dead_time" in found.effects
-
-
-@pytest.mark.parametrize(("dead_time", "lag"), [(5e-4, 0.0), (0.0, 2.5e-4)])
+@pytest.mark.parametrize(("dead_time", "lag"), [(2.5e-4, 0.0), (5e-4, 0.0), (0.0, 2.5e-4)])
 def test_a_lag_and_a_longer_dead_time_that_leave_as_much_are_both_said(
     dead_time: float, lag: float, null_cache: Path
 ) -> None:

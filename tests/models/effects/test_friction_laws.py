@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from models.effects.base import Effect
 from models.effects.catalogue import every
-from models.effects.friction_laws import FORGOTTEN, SETTLED
+from models.effects.friction_laws import FORGOTTEN, STILL_TIME
 from models.machine import load
 from models.simulation.effect_kernel import Path, replay
 from tests.models.effects.paths import TS, Array, make, steady, through
@@ -25,7 +25,7 @@ MOVES = st.lists(st.floats(-4e-5, 4e-5), min_size=3, max_size=30)
 def test_the_equations_state_the_constants_that_the_laws_have() -> None:
     directional, healing = (every()[name].equation for name in ("directional_friction", "dwell_breakaway"))
     assert rf"\tau_0={1e3 * FORGOTTEN:g}\,\mathrm{{ms}}" in directional
-    assert rf"v_0=\lambda/{1e3 * SETTLED:g}\,\mathrm{{ms}}" in healing
+    assert rf"v_0=\lambda/{1e3 * STILL_TIME:g}\,\mathrm{{ms}}" in healing
 
 
 def rubbing(path: Path, *effects: Effect) -> Array:
