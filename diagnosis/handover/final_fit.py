@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from diagnosis.model.at_bounds import WIDENING_ROUNDS, AtBound, at_bounds, with_more_room
+from diagnosis.model.at_bounds import AT_BOUND_ROOM_SHARE, WIDENING_ROUNDS, AtBound, at_bounds, with_more_room
 from diagnosis.model.fit import Fit
+from diagnosis.model.parameters import moved
 from diagnosis.model.residual import Candidate
 from diagnosis.model.unknown_force import ITERATIONS, still_fit
 from models.records.record import Record
@@ -17,7 +18,8 @@ from models.records.record import Record
 
 @dataclass(frozen=True)
 class Finished:
-    """The fit behind a machine file; widened: values that got more room; at_bound: those that are at a bound still."""
+    """The fit behind a machine file; widened: values that got more room; at_bound: those that are at a bound
+    still, or where the first one was."""
 
     fitted: Fit
     widened: tuple[AtBound, ...] = ()
@@ -39,4 +41,14 @@ def finished(given: Fit, records: Sequence[Record], iterations: int = ITERATIONS
             break
         fitted = still_fit(with_more_room(fitted.candidate, new), records, fitted.paths, iterations)
         widened += new
-    return Finished(fitted, tuple(widened), at_bounds(fitted.candidate))
+    stayed = (one for one in widened if _stayed(one, fitted.candidate))
+    return Finished(fitted, tuple(widened), (*at_bounds(fitted.candidate), *stayed))
+
+
+def _stayed(one: AtBound, candidate: Candidate) -> bool:
+    """Whether a value that got more room is where its room had ended still: the fit came to rest there."""
+    if one.part == "nominal":
+        now = float(moved(candidate.layout, candidate.theta)[one.number])
+    else:
+        now = float(getattr(candidate.effects[one.number], one.name))
+    return abs(now / one.value - 1) < AT_BOUND_ROOM_SHARE

@@ -132,7 +132,7 @@ class Handover:
 def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None, *, incomplete: bool = False) -> Handover:
     """The handover among files, the first of them as delivered and then the richer the later; fallback: a simpler one
     than the second, which is judged only where that does harm. incomplete: whether the model lacks something that has
-    no name, for which values may make up."""
+    no name, for which values may make up, so that a file has to leave less in the mean of both measures."""
     first, *rest = files
     best, judged_, harms = first, [first], list[Harm]()
     for number, file in enumerate(rest):
@@ -142,7 +142,9 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None, *,
             found = [] if _outweighed(worse, file, best) else worse
         judged_.append(file)
         harms += found
-        if not found and (file.name != Content.MEASURED or any(_better(file, best, one) for one in MEASURES[:2])):
+        idle = incomplete and not _leaves_less(file, best)
+        sure = file.name != Content.MEASURED or any(_better(file, best, one) for one in MEASURES[:2])
+        if not found and sure and not idle:
             best = file
         elif found and number == 0 and fallback is not None:
             simpler = fallback()
@@ -168,6 +170,12 @@ def is_believed(file: File, baseline: Baseline) -> bool:
 def _better(file: File, other: File, measure: str = "force", part: float = 1.0) -> bool:
     """Whether a file leaves less of a measure than another, or than this part of it, beyond chance."""
     return bool(np.quantile(_apart(file, other, measure, part), 1 - CHANCE) < 0)
+
+
+def _leaves_less(file: File, other: File) -> bool:
+    """Whether a file leaves less than another, in the geometric mean of force and position."""
+    then, first = (np.prod([float(one.held_out.mean(measure)) for measure in MEASURES[:2]]) for one in (file, other))
+    return bool(then < first)
 
 
 def _closer(file: File, other: File) -> bool:

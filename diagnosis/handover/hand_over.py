@@ -195,8 +195,8 @@ def how_far(
         (first, then, last), floor.gap(), floor.random_force(), rough=stages[-1].fitted.candidate.rough
     )
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
-    some = handover.adopted.finished if handover.without else None  # bounds of a law that is in no file tell nothing
-    at = (some or fits[-1]).widened, (some or fits[-1]).at_bound
+    behind = handover.adopted.finished or fits[-1]  # bounds of a law that is in no file tell nothing
+    at = behind.widened, behind.at_bound
     return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
 
 

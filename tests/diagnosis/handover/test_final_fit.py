@@ -61,6 +61,14 @@ def test_a_value_at_its_bound_gets_twice_the_room_once() -> None:
     assert "amplifier_offset" in [one.name for one in found.at_bound]
 
 
+def test_a_value_that_stays_where_its_room_had_ended_is_at_its_bound() -> None:
+    """A mode of 38 Hz had come to rest 10 % off, at the end of its room, and with twice the room it was at none."""
+    _, record = _with_offset(34.0)
+    found = finished(_searched(record), [record], iterations=0)
+    assert "amplifier_offset" in [one.name for one in found.widened]
+    assert "amplifier_offset" in [one.name for one in found.at_bound]
+
+
 def test_a_value_of_the_plant_that_runs_on_is_followed() -> None:
     """It was changed without a note; a contact that does may stand in for any law, and stays."""
     truth, record = _with_offset(90.0)
