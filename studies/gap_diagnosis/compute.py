@@ -52,9 +52,15 @@ from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.gap_diagnosis.settling import settling_told
 from studies.gap_diagnosis.stated_effects import stated_effects
 from studies.options import BadInputError
+from studies.sticking import found_in
+from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Check, Progress
 
 CACHE: Final = Path("reports/out/.null")  # keeps the thresholds of a machine and a schedule from run to run
+OF_NO_AXIS: Final = (
+    "Gaps and their noise floor are told from simulations of that loop, so that they are not the axis's, and values "
+    "may have moved to make up for it"
+)
 CLOSED: Final = 0.9  # share of the gap that the effect in simulated records has to close
 
 
@@ -131,6 +137,7 @@ def answered(
     adopted = [effect.name for effect in better.effects]
     told: dict[str, Any] = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
     told["adopted"], told["common_factor"] = adopted, common_factor(given.machine, better)
+    told |= _sticking(given.machine)
     told["at_random"] = bool(found.how_far.handover.adopted.judged.candidate.random_forces)
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}
@@ -151,10 +158,16 @@ def answered(
         for part, text in results["answer"].items()
         if part in {"where", "which", "how_far"}
     ]
+    summary += sticking_rows(results)
     if asked := results["verdict"]["next_experiment"]:
         needs = results["next"]["needs"] if results["next"] else ""
         summary.append(("next", f"{asked} {needs[:1].upper()}{needs[1:]}." if needs else asked))
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
+
+
+def _sticking(machine: Machine) -> dict[str, Any]:
+    """What `found_in` says of a machine, with what it means for a diagnosis behind the cause."""
+    return {name: {**found, "cause": f"{found['cause']}. {OF_NO_AXIS}"} for name, found in found_in(machine).items()}
 
 
 def _with_its_name(why: str, shown: Sequence[Mapping[str, Any]]) -> str:

@@ -112,6 +112,8 @@ def _hardly_more(results: Results) -> str:
     where one is, where the floor is that of motions that repeat, which has all noise in it, or where it resembles an
     effect or a law. Enough samples tell a tenth more noise from what the file states, and no law from it."""
     far, learned = results["how_far"], results.get("learned")
+    if results.get("sticking"):  # the floor is a simulation's that swings by itself
+        return ""
     if results["verdict"]["partly"] or far["floor_source"] == "repeats" or (learned and learned["adopted"]):
         return ""
     ratios = [far["gap_refitted"][key] / far["floor"][key] for key in ("force_N", "position_m") if far["floor"][key]]

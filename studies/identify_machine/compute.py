@@ -28,6 +28,8 @@ from studies.identify_machine.options import IdentificationOptions
 from studies.identify_machine.shown import checks_of, results_of, warnings_of
 from studies.options import BadInputError
 from studies.record_columns import mapped
+from studies.sticking import found_in
+from studies.sticking import rows as sticking_rows
 from studies.study import Answer, Check, Progress
 
 QUICK_TABLES: Final = 3
@@ -70,6 +72,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             *found.remarks,
         ],
         "sure": SIGNIFICANT_STDS,
+        **found_in(found.machine),
     }
     if not options.record:
         tables = min(options.tables, QUICK_TABLES) if options.quick else options.tables
@@ -93,7 +96,8 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         )
         for row, unit in zip(shown["estimates"], units, strict=True)
     ]
-    summary[:0] = [(f"WARNING, {what}", said) for what, said in (*others, *sizes, *warnings_of(found))]
+    warned = [(f"WARNING, {what}", said) for what, said in (*others, *sizes, *warnings_of(found))]
+    summary[:0] = [*warned, *sticking_rows(results)]
     return Answer(
         results, tuple(checks), {"identified.toml": to_toml(_with_range(found.machine, given, options))}, summary
     )

@@ -12,10 +12,15 @@ import pytest
 
 from models.machine import load
 from models.machine_file import to_toml
+from reports.text import fill
+from studies.catalogue import every
 from studies.command import CHECK_MISSED, DONE, main
 from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
 from studies.export.__main__ import STUDY as EXPORT
 from studies.export.compute import NEVER
+from studies.gap_diagnosis.compute import _sticking
+from studies.sticking import found_in
+from studies.study import Study
 from tests.design.machines import far_side
 
 
@@ -68,3 +73,24 @@ def test_the_default_machine_is_not_warned_of(study: str, quick_run: Callable[[s
     if study == "export":
         assert not results["drive"]["never"]
         assert "never settle under" not in (folder / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["gap_diagnosis", "identify_machine"])
+def test_what_is_told_of_such_a_machine_begins_with_it(name: str, quick_run: Callable[[str], tuple[Path, int]]) -> None:
+    """Of a gantry on a rack, files and gaps that the model's own swing had made were told as the axis's."""
+    whole = json.loads((quick_run(name)[0] / "results.json").read_text(encoding="utf-8"))
+    study = every()[name]
+    assert "while the friction sticks" not in _page(study, whole)
+    machine = far_side(load())
+    found = _sticking(machine) if name == "gap_diagnosis" else found_in(machine)
+    whole["results"] |= found
+    page = _page(study, whole)
+    assert "loop is unstable: against a slope of 2160 N/mm it swings at 33 Hz" in page
+    assert ("their noise floor are told from simulations of that loop" in page) == (name == "gap_diagnosis")
+
+
+def _page(study: Study, whole: dict[str, Any]) -> str:
+    report = study.report(whole)
+    captions = {figure.name: figure.caption for figure in report.figures}
+    filled = fill(report.template, whole, captions, report.filters)
+    return " ".join(filled.replace("\\", "").replace("\u00a0", " ").replace("\u2060", "").split())

@@ -72,6 +72,18 @@ def test_values_at_the_end_of_their_range_may_be_the_cause_of_what_has_no_name(r
     assert said[:20] not in sentences(inside)["which"]
 
 
+def test_a_simulation_that_swings_by_itself_has_no_noise_floor(results: dict[str, Any]) -> None:
+    """On a rack whose mode moves the scale against the thrust, simulated records scattered by 22 N, where the axis did
+    by 0.6 N: what was left was "no more than the noise floor"."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    far = {**results["how_far"], "gap_refitted": results["how_far"]["floor"], "floor_source": "simulated"}
+    whole = {**results, "verdict": verdict, "how_far": far, "learned": None}
+    told = sentences(whole)
+    assert "no more than the noise floor" in told["which"] + told["outcome"]
+    told = sentences({**whole, "sticking": {"state": "the model's loop is unstable"}})
+    assert "no more than the noise floor" not in told["which"] + told["outcome"]
+
+
 def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results: dict[str, Any]) -> None:
     """A healthy stage whose thrust scatters by 10 mN: its first page had asked for its friction and its clock."""
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
