@@ -13,7 +13,7 @@ from studies.wording import effect
 Results = Mapping[str, Any]
 
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
-MIN_GAP_SHARE: Final = 0.9  # of the gap to the noise floor, which the re-fit takes off where values are most of it
+MIN_GAP_SHARE: Final = 0.8  # of the gap to the noise floor, which the re-fit takes off where values are most of it
 SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
