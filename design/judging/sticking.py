@@ -158,6 +158,6 @@ def advice_on(found: Sticking) -> str:
         return judge
     left = "these modes" if len(found.modes) > 1 else "this mode"
     return (
-        f"{judge}, or by a copy of the machine file without {left}, which knows the friction but not that vibration: no "
-        "PID is to be tuned for it"
+        f"{judge}, or by a copy of the machine file without {left}, which knows the friction but not that vibration: "
+        "no PID is to be tuned for it"
     )
