@@ -12,7 +12,7 @@ from diagnosis.handover.overrun import OVERRUN
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
 from studies.gap_diagnosis.values_off import in_percent
-from studies.gap_diagnosis.weights_told import far_off
+from studies.gap_diagnosis.weights_told import far_off, no_floor_told
 from studies.wording import effect, effects_listed, words
 
 Results = Mapping[str, Any]
@@ -39,7 +39,7 @@ def in_short(results: Results) -> list[str]:
 def remarks(results: Results) -> list[str]:
     """What to know of the file that is handed over: what it leaves, and why it is not another one."""
     law = [] if unknown_law.is_the_answer(results) else unknown_law.left(results["how_far"])
-    return [*law, *_handed_over(results), *_overrun(results)]
+    return [*no_floor_told(results["how_far"]), *law, *_handed_over(results), *_overrun(results)]
 
 
 def _overrun(results: Results) -> list[str]:

@@ -16,6 +16,7 @@ from studies.gap_diagnosis.values_off import (
     told_off,
     values_in_short,
 )
+from studies.gap_diagnosis.weights_told import is_no_floor
 from studies.wording import effect
 
 Results = Mapping[str, Any]
@@ -112,7 +113,7 @@ def _hardly_more(results: Results) -> str:
     where one is, where the floor is that of motions that repeat, which has all noise in it, or where it resembles an
     effect or a law. Enough samples tell a tenth more noise from what the file states, and no law from it."""
     far, learned = results["how_far"], results.get("learned")
-    if results.get("sticking"):  # the floor is a simulation's that swings by itself
+    if results.get("sticking") or is_no_floor(far):  # which is of a simulation that swings by itself
         return ""
     if results["verdict"]["partly"] or far["floor_source"] == "repeats" or (learned and learned["adopted"]):
         return ""

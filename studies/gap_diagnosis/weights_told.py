@@ -13,6 +13,31 @@ Results = Mapping[str, Any]
 
 # Times its expectation, from which on chi-square per sample is said to be far from it.
 MAX_CHI_SQUARE_RATIO: Final = 2.0
+# Times what the machine as delivered leaves, beyond which a simulated scatter is no noise floor.
+MAX_FLOOR_RATIO: Final = 1.5
+
+
+def is_no_floor(far: Results) -> bool:
+    """Whether records that the model made itself scatter by far more than the machine as delivered leaves of the axis's
+    own: in simulation it swings or hunts as the axis does not, and that scatter is no noise floor."""
+    floor, left = far["floor"], far["gap_as_delivered"]
+    more = (floor[key] > MAX_FLOOR_RATIO * left[key] for key in ("force_N", "position_m"))
+    return far["floor_source"] != "repeats" and any(more)
+
+
+def no_floor_told(far: Results) -> list[str]:
+    """What is said of a noise floor that is none; nothing of others."""
+    if not is_no_floor(far):
+        return []
+    scatter, left = (
+        f"{show(gap['force_N'], 'N', 2)} and {show(gap['position_m'], 'm', 2)}"
+        for gap in (far["floor"], far["gap_as_delivered"])
+    )
+    return [
+        f"Records that the model made itself scatter by {scatter}, where the machine as delivered leaves {left} of "
+        "those given: in simulation it swings or hunts as the axis does not, so that this is no noise floor, and "
+        "closures beside it tell little."
+    ]
 
 
 def roughness(results: Results) -> list[str]:

@@ -80,8 +80,13 @@ def test_a_simulation_that_swings_by_itself_has_no_noise_floor(results: dict[str
     whole = {**results, "verdict": verdict, "how_far": far, "learned": None}
     told = sentences(whole)
     assert "no more than the noise floor" in told["which"] + told["outcome"]
-    told = sentences({**whole, "sticking": {"state": "the model's loop is unstable"}})
-    assert "no more than the noise floor" not in told["which"] + told["outcome"]
+    assert "no noise floor" not in told["how_far"]
+    least = {"force_N": 0.5 * far["floor"]["force_N"], "position_m": far["floor"]["position_m"]}
+    swings = {**whole, "how_far": {**far, "gap_as_delivered": {**far["gap_as_delivered"], **least}}}
+    for other in ({**whole, "sticking": {"state": "the model's loop is unstable"}}, swings):
+        told = sentences(other)
+        assert "no more than the noise floor" not in told["which"] + told["outcome"]
+    assert "so that this is no noise floor" in told["how_far"]
 
 
 def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results: dict[str, Any]) -> None:
