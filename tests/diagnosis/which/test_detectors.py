@@ -7,11 +7,14 @@ from typing import Any
 
 import pytest
 
+from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import dwell_sweep
+from diagnosis.which import detectors
+from diagnosis.which.command_jitter import Lateness
 from diagnosis.which.detectors import View, _from_afar
 from diagnosis.which.stage import Proposal
 from models.effects.base import parameters
-from models.effects.motor import Cogging, GainAsymmetry
+from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from models.effects.scale import ScaleDrift, ScalePeriodicError
 from tests.diagnosis.tables import nominal_with, recorded, table
 
@@ -40,3 +43,22 @@ def test_no_other_law_is(effect: Any) -> None:
     """One of force does not move the path, and one with a period is looked for along it."""
     proposal = Proposal(effect.name, 5.0, 20.0, effect=effect)
     assert _from_afar(seen(0.0), proposal) is proposal
+
+
+@pytest.mark.parametrize(("samples", "simulated"), [(0.05, 0.02), (0.2, 0.04), (1.5, 0.1)])
+def test_commands_that_are_late_by_more_than_a_sample_are_simulated_as_such(
+    samples: float, simulated: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With all of them late by one, 1.5 samples were a dead time that does not vary at all."""
+    step = 5e-4
+    monkeypatch.setattr(detectors, "lateness", lambda *_: Lateness(samples * step, 1e4, 0.0))
+    fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=()))
+    record = SimpleNamespace(sample_time=step, every=1)
+    baseline: Any = SimpleNamespace(criteria=Criteria(), thresholds={}, records=(record,))
+    nothing: Any = None
+    (found,) = detectors.command_jitter(View(fitted, baseline, nothing)).proposals
+    part = found.random_part
+    assert part is not None
+    assert isinstance(part.effect, TimingJitter)
+    assert part.effect.part == pytest.approx(simulated)
+    assert part.part * simulated == pytest.approx(samples**2)
