@@ -35,7 +35,7 @@ from diagnosis.model.unknown_force import still_fit, unknown_less_means
 from diagnosis.null import simulated_with_starts
 from diagnosis.records.motions import Piece, repeated, rms, scatter
 from diagnosis.records.units import noise
-from diagnosis.where.energy import bootstrap_counts, bootstrap_interval
+from diagnosis.where.energy import bootstrap_counts, closure_interval
 from diagnosis.which.random_force import with_sines
 from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
@@ -183,10 +183,10 @@ def _closure_of_force(
     drawn = sums @ bootstrap_counts(sums.shape[1], 0).T
     chance = baseline.null.force_scatter(drawn.shape[1])
     drawn[2] *= chance**2  # the floor of these records is another draw than the simulation's
-    low, high = bootstrap_interval(_closed(drawn), sums.shape[1])
+    closure = float(_closed(sums.sum(axis=1)))
     over, scatter = 0.5 * float(np.log(sums[1].sum() / sums[2].sum())), float(np.std(np.log(chance)))
     excess = over / scatter if scatter > 0 else math.copysign(math.inf, over)
-    return float(_closed(sums.sum(axis=1))), (low, high), excess
+    return closure, closure_interval(closure, _closed(drawn), sums.shape[1]), excess
 
 
 def with_starts_of(fitted: Fit, candidate: Candidate) -> Candidate:
@@ -319,7 +319,8 @@ def gap_closure(
     sums = np.stack([np.bincount(segment, energy, count) for energy in energies])
     draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAP, count))
     drawn = sums[:, draws].sum(axis=2)
-    return float(_closed(sums.sum(axis=1))), bootstrap_interval(_closed(drawn), count)
+    closure = float(_closed(sums.sum(axis=1)))
+    return closure, closure_interval(closure, _closed(drawn), count)
 
 
 def gain_closure(gained: Array, rest: float, deviation: float) -> tuple[float, tuple[float, float]]:
@@ -328,7 +329,8 @@ def gain_closure(gained: Array, rest: float, deviation: float) -> tuple[float, t
     rng = np.random.default_rng(0)
     draws = rng.integers(0, gained.size, (BOOTSTRAP, gained.size))
     drawn = _of_gain(gained[draws].sum(axis=1), rest + deviation * rng.standard_normal(BOOTSTRAP))
-    return float(_of_gain(gained.sum(), rest)), bootstrap_interval(drawn, gained.size)
+    closure = float(_of_gain(gained.sum(), rest))
+    return closure, closure_interval(closure, drawn, gained.size)
 
 
 def _of_gain(gain: Array | float, rest: Array | float) -> Array:

@@ -33,7 +33,7 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import rms
 from diagnosis.verdict import Outcome
-from diagnosis.where.energy import bootstrap_interval
+from diagnosis.where.energy import bootstrap_interval, closure_interval
 from diagnosis.which.random_force import NAME
 from diagnosis.which.stage import Stage
 
@@ -286,11 +286,9 @@ def _terms_in(
     before = refitted.mean(measure, draws)
     motions = refitted.count.size
     closed = closure_share(before, after.mean(measure, draws), least**2, random**2)
-    low, high = bootstrap_interval(closed, motions)
-    if motions < 2:  # one motion tells nothing of others
-        return (terms, (min(0.0, terms.closure()), max(1.0, terms.closure()))), False
+    low, high = closure_interval(terms.closure(), closed, motions)
     interval = min(low, terms.closure()), max(high, terms.closure())
-    return (terms, interval), bootstrap_interval(before, motions)[0] > least**2
+    return (terms, interval), motions > 1 and bootstrap_interval(before, motions)[0] > least**2
 
 
 def _of(one: Sums, motions: NDArray[np.bool_]) -> Sums:

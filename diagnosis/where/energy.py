@@ -178,6 +178,14 @@ def bootstrap_interval(values: Array, motions: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def closure_interval(closure: float, drawn: Array, motions: int) -> tuple[float, float]:
+    """The 95 % interval of a closure [1] by what is drawn over so many motions; from nothing to all of the gap, or
+    beyond, of one motion, which tells nothing of others."""
+    if motions < 2:
+        return min(0.0, closure), max(1.0, closure)
+    return bootstrap_interval(drawn, motions)
+
+
 def shares(
     square: Array, noise: float, label: Integers, names: Sequence[str], samples: Samples, seed: int = 0
 ) -> Shares:

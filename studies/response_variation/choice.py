@@ -29,8 +29,8 @@ def error_against_count(
 ) -> dict[str, Any]:
     """Rms error [N] of N = 1 .. 20 elements on a simulated measurement of a finer hysteresis, fitted and held out.
 
-    The measurement has the scale's resolution and noise of NOISE, over as many micrometres as the presliding region
-    asks. `chosen`: the fewest elements whose error on the held-out loops is within MORE of the least; the parameters of
+    The measurement has the scale's resolution and noise of NOISE, along a path as long as the presliding region asks
+    for. `chosen`: the fewest elements whose error on the held-out loops is within MORE of the least; the parameters of
     the machine's own N have standard deviations.
     `facts`: the elements that follow from the published facts of the hysteresis alone. `tell(share, text)`: progress.
     """

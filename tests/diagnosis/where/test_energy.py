@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from diagnosis.records.motions import numbered, pieces
-from diagnosis.where.energy import PHASES, _band, bands, bootstrap_counts, bootstrap_interval, label_samples
+from diagnosis.where.energy import (
+    PHASES,
+    _band,
+    bands,
+    bootstrap_counts,
+    bootstrap_interval,
+    closure_interval,
+    label_samples,
+)
 from models.records.record import Record, feeding_sequence
 
 
@@ -37,6 +45,12 @@ def test_the_interval_of_a_share_holds_the_true_one_however_few_the_motions(moti
         low, high = bootstrap_interval(drawn[:, 0] / drawn[:, 1], motions)
         held += low <= 0.4 <= high
     assert held >= 0.88 * trials
+
+
+@pytest.mark.parametrize(("closure", "interval"), [(0.7, (0.0, 1.0)), (-0.2, (-0.2, 1.0))])
+def test_one_motion_leaves_open_all_of_a_gap_and_nothing(closure: float, interval: tuple[float, float]) -> None:
+    """All draws are of that one, so that the interval had no width."""
+    assert closure_interval(closure, np.full(100, closure), 1) == interval
 
 
 def test_behind_a_jump_of_the_reference_the_table_starts_settles_and_rests() -> None:
