@@ -28,6 +28,9 @@ REASONS: Final = {
     Place.CONTROL: "it is in the controller's own law: correct that law",
     Place.COMMAND: "it acts on single commands, the feedback's among them: no thrust along x_T* undoes it",
 }
+DRIVEN: Final = (
+    "the friction drives it and the thrust does not: no thrust along x_T* holds it and leaves the rest alone"
+)
 CLOCKED: Final = "it follows a time whose beginning the controller does not know"
 
 
@@ -71,4 +74,6 @@ def _reason(effect: Effect) -> str:
     places = [place for place in effect.hooks if place not in MET]
     if places:
         return REASONS[places[0]]
+    if effect.friction_drives:
+        return DRIVEN
     return CLOCKED if effect.depends_on_time else ""

@@ -105,7 +105,7 @@ def linear(machine: Machine, plant: Plant | None = None) -> Linear:
     effects, around = machine.effects, plant or machine.plant
     lag = sum(effect.lag() for effect in effects)
     late = sum(effect.input_delay() for effect in effects) - lag
-    modes = sum((effect.modes() for effect in effects), around.modes)
+    modes = sum((effect.modes() for effect in effects if not effect.friction_drives), around.modes)
     return Linear(
         replace(around, modes=modes, dead_time=around.dead_time + late),
         lag,

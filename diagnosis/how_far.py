@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.model.kalman import STARTING
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import Candidate, SmoothedPath, evaluate, vibration
+from diagnosis.model.residual import Candidate, SmoothedPath, beside_plant, evaluate
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.null import simulated
 from diagnosis.records.motions import rms
@@ -90,7 +90,7 @@ def _seen(
     """By record the net force (n, M) [N], and what is read beside the path (n,) [m]."""
     made = evaluate(candidate, records, paths)
     moved = [
-        one.acts.reading + vibration(candidate, one.force, record.sample_time)
+        beside_plant(candidate, one.force, one.acts, record.sample_time)
         for one, record in zip(made, records, strict=True)
     ]
     return [one.force for one in made], moved

@@ -32,6 +32,7 @@ class PlantNumbers:
 
     sample_time: float
     modes: int
+    by_friction: int
     counts: tuple[int, ...]
     step: tuple[float, ...]
     phi: tuple[float, ...]
@@ -68,6 +69,7 @@ def plant_numbers(machine: Machine) -> PlantNumbers:
     return PlantNumbers(
         sample_time=machine.sample_time,
         modes=sampled.phi.shape[1],
+        by_friction=sampled.by_friction,
         counts=tuple(sampled.counts.tolist()),
         step=tuple(sampled.step.tolist()),
         phi=tuple(sampled.phi.ravel().tolist()),

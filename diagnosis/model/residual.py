@@ -190,7 +190,7 @@ def _pass(
     else:
         acts = _acts(candidate, machine, record, index, before.path)
         force, added = _net(machine, acts), acts.reading
-        reading = reading - added - vibration(candidate, force, record.sample_time)
+        reading = reading - beside_plant(candidate, force, acts, record.sample_time)
     start = at_rest(model, reading)
     start[2 * len(machine.plant.modes)] = -force[0, 0]
     states = smoothed(model, force, reading, start)
@@ -224,7 +224,7 @@ def evaluate_record(
         path = shifted(smooth_path, differs)
         acts = _acts(candidate, machine, record, index, path)
     force = _net(machine, acts)
-    reading = record.position - acts.reading - vibration(candidate, force, record.sample_time)
+    reading = record.position - beside_plant(candidate, force, acts, record.sample_time)
     e = beside_start(model, innovations(model, force, reading, at_rest(model, reading)) / model.deviation)
     return Residual(e, force, acts, path, model.deviation / noise(machine))
 
@@ -267,17 +267,25 @@ def _net(machine: Machine, acts: Replayed) -> Array:
     return acts.thrust - acts.friction + acts.force - machine.drive.offset
 
 
-def vibration(candidate: Candidate, force: Array, sample_time: float) -> Array:
-    """Motion (n,) [m] of the vibration modes that effects add, under the net force."""
-    total = np.zeros(len(force))
+def beside_plant(candidate: Candidate, force: Array, acts: Replayed, sample_time: float) -> Array:
+    """What the effects add to the plant's motion in the reading (n,) [m]: what they change in it, and the motion of
+    their vibration modes, under the net force (n, M) [N] or the friction."""
+    added, constant = np.array(acts.reading), candidate.machine.plant.thrust_constant
     for effect in candidate.effects:
         for mode in effect.modes():
-            total += modal(mode, force, sample_time)
-    return total
+            added += modal(mode, constant * driving(effect, force, acts), sample_time)
+    return added
+
+
+def driving(effect: Effect, force: Array, acts: Replayed) -> Array:
+    """What drives an effect's modes (n, M) [N]: the net force or, from the equilibrium of its first value, the
+    friction."""
+    return acts.friction[0, 0] - acts.friction if effect.friction_drives else force
 
 
 def modal(mode: Mode, force: Array, sample_time: float) -> Array:
-    """Motion (n,) [m] of one vibration mode at the samples under a force (n, M) [N], from rest."""
+    """Motion (n,) [m] of one vibration mode at the samples under a force (n, M) [N], K_t times the thrust reference's,
+    from rest."""
     a, b = _of_mode(mode, sample_time)
     given = force @ b.T
     trace, determinant = a[0, 0] + a[1, 1], np.linalg.det(a)
@@ -314,7 +322,7 @@ def nominal_slopes(
 def _plant_slopes(candidate: Candidate, record: Record, residual: Residual, model: Predictor, slopes: Array) -> None:
     """By differences of the predictor; its gain stays, as any gain is a fair filter."""
     layout, step = candidate.layout, 1e-4
-    reading = record.position - residual.acts.reading - vibration(candidate, residual.force, record.sample_time)
+    reading = record.position - beside_plant(candidate, residual.force, residual.acts, record.sample_time)
     start = at_rest(model, reading)
     names = ("payload_mass", "thrust_constant", "mode_gain", "mode_frequency", "mode_damping")
     for j in np.concatenate([layout.of(name) for name in names]):
@@ -416,12 +424,8 @@ def _differences(
     """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
     same = kept(residual.acts, changed(candidate.effects, other.effects))
     acts = _acts(other, machine, record, index, residual.path, same)
-    differs = acts.reading - residual.acts.reading
-    if np.any(differs != 0):
+    if np.any(acts.reading != residual.acts.reading):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
-        differs = acts.reading - residual.acts.reading
     force = _net(machine, acts)
-    if any(effect.modes() for effect in (*other.effects, *candidate.effects)):
-        differs = differs + vibration(other, force, record.sample_time)
-        differs = differs - vibration(candidate, residual.force, record.sample_time)
-    return force - residual.force, differs
+    before = beside_plant(candidate, residual.force, residual.acts, record.sample_time)
+    return force - residual.force, beside_plant(other, force, acts, record.sample_time) - before

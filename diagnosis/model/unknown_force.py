@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.kalman import STARTING, likeliest_start, smoothed
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import Candidate, Residual, SmoothedPath, evaluate, unweighted_predictor, vibration
+from diagnosis.model.residual import Candidate, Residual, SmoothedPath, beside_plant, evaluate, unweighted_predictor
 from diagnosis.records.motions import rms
 from diagnosis.records.units import units
 from models.records.record import Record
@@ -33,8 +33,7 @@ def unknown_force(candidate: Candidate, records: Sequence[Record], paths: Sequen
     state = 2 * len(candidate.machine.plant.modes)
 
     def force(record: Record, residual: Residual) -> Array:
-        moved = vibration(candidate, residual.force, record.sample_time)
-        reading = record.position - residual.acts.reading - moved
+        reading = record.position - beside_plant(candidate, residual.force, residual.acts, record.sample_time)
         states = smoothed(model, residual.force, reading, likeliest_start(model, residual.force, reading))
         states[:STARTING, state] = np.nan
         return np.asarray(states[:, state])

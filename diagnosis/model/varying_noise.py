@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from diagnosis.model.kalman import STARTING, likeliest_start
-from diagnosis.model.residual import Candidate, Residual, vibration
+from diagnosis.model.residual import Candidate, Residual, beside_plant
 from diagnosis.records.units import noise
 from models.compiled import compiled
 from models.records.record import Record
@@ -69,7 +69,7 @@ def linear_part(candidate: Candidate, record: Record, residual: Residual, index:
     """The linear part of the record of this index under a candidate that has no random forces; walk [usual white forces
     a sample]."""
     model = candidate.predictor(record.sample_time, walk, index)
-    reading = record.position - residual.acts.reading - vibration(candidate, residual.force, record.sample_time)
+    reading = record.position - beside_plant(candidate, residual.force, residual.acts, record.sample_time)
     deviation, white = noise(candidate.machine), candidate.usual_white_force * candidate.roughness_of(index)
     step, held = walk * candidate.usual_white_force, model.A[:, -1].copy()
     held[-1] = 0.0

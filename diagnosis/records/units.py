@@ -89,7 +89,7 @@ def units(machine: Machine, records: Sequence[Record] = ()) -> Units:
     return Units(
         force=usual_force(machine),
         thrust=machine.drive.rated_thrust,
-        mass=machine.plant.mass,
+        mass=1 / machine.plant.modes[machine.plant.rigid].gain,
         contact=contact,
         travel=max(float(max(travels, default=0.0)), SHORTEST_TRAVEL * contact),
         reading=noise(machine),

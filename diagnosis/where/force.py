@@ -28,7 +28,7 @@ from diagnosis.model.kalman import (
     smoothed,
     smoother_gain,
 )
-from diagnosis.model.residual import SMOOTHER_WALK, Candidate, modal, unweighted_predictor
+from diagnosis.model.residual import SMOOTHER_WALK, Candidate, beside_plant, unweighted_predictor
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.records.motions import Piece, repeated, rms, scatter
 from diagnosis.records.units import noise
@@ -102,11 +102,7 @@ def unknown_force(fitted: Fit, records: Sequence[Record], pieces: Sequence[Piece
 def explained_reading(fitted: Fit, record: Record, index: int) -> Array:
     """The record's reading (n,) [m] less what the fitted effects add to it."""
     seen = fitted.residuals[index]
-    reading = record.position - seen.acts.reading
-    for effect in fitted.candidate.effects:
-        for mode in effect.modes():
-            reading = reading - modal(mode, seen.force, record.sample_time)
-    return np.asarray(reading)
+    return record.position - beside_plant(fitted.candidate, seen.force, seen.acts, record.sample_time)
 
 
 def smoothed_force(fitted: Fit, records: Sequence[Record], walk: float) -> Force:

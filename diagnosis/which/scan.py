@@ -22,7 +22,7 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.model.fit import PRIOR_ROOM_FACTOR, Fit, effects_prior_std, weights
 from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
-from diagnosis.model.residual import columns
+from diagnosis.model.residual import columns, driving
 from diagnosis.which.resonances import resonances
 from models.compiled import compiled
 from models.effects.base import VISIBLE_SIGNALS, Effect, Place, parameters
@@ -302,7 +302,7 @@ def _ringing(
 ) -> list[float]:
     """Frequencies [Hz] of a mode within each of some ranges [Hz], where the records ring most as it would."""
     typical = kind.typical(fitted.candidate.nominal.priors)
-    forces = (one.force.mean(axis=1) for one in fitted.residuals)
+    forces = (driving(typical, one.force, one.acts).mean(axis=1) for one in fitted.residuals)
     parts = ((force, left) for force, (_, _, left) in zip(forces, adjoints(fitted, records, projection), strict=True))
 
     def mode(frequency: float) -> Mode:

@@ -134,7 +134,8 @@ class Effect(ABC):
     hooks tell, see `shown_in`. coordinate, parity, remembers: what kind of law it is, see `kind`; left empty, it is
     of a kind of its own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but
     fast changes, if there is one. differentiates: its law follows the acceleration, in which the reading's noise is
-    large, so that records of one way differ. tabulated: its fields are measured values of one machine: a file may
+    large, so that records of one way differ. friction_drives: its modes move under the friction alone, and not under
+    the thrust. tabulated: its fields are measured values of one machine: a file may
     hold it, but nothing looks for it, and it has no `parameters`.
     """
 
@@ -152,6 +153,7 @@ class Effect(ABC):
     remembers: ClassVar[bool] = False
     delayed_by: ClassVar[str] = ""
     differentiates: ClassVar[bool] = False
+    friction_drives: ClassVar[bool] = False
     tabulated: ClassVar[bool] = False
 
     @classmethod
@@ -172,7 +174,7 @@ class Effect(ABC):
         return 0
 
     def modes(self) -> tuple[Mode, ...]:
-        """Vibration modes that the effect adds to the plant's."""
+        """Vibration modes that the effect adds to the plant's, see `friction_drives`."""
         return ()
 
     def input_delay(self) -> float:

@@ -14,7 +14,8 @@ class Units:
     """The quantities of a machine in which the usual sizes of effects are counted; those of the reference table, for
     which the catalogue states the sizes, are the defaults.
 
-    force [N]: the friction where every contact slips. thrust [N]: the rated one. mass [kg]. contact [m]: by how much
+    force [N]: the friction where every contact slips. thrust [N]: the rated one. mass [kg]: 1/k
+    of the rigid body. contact [m]: by how much
     the contacts yield before they slip. travel [m]: the longest way in the records. reading [m]: deviation of the
     scale's reading. loop [s]: time of the control loop. sample [s]: the sample time.
     """

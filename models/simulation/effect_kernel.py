@@ -229,14 +229,15 @@ def _along(
 
 
 @compiled
-def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays, origin: float) -> None:
+def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays, origin: float, by_friction: int) -> None:
     """Advances one machine over the n samples of `run`; what `models.simulation.kernel.run_one` does, with hooks, and
     with any linear feedback in place of the PID where `law` has states.
 
     All positions are from the place where the run begins, `origin` [m]: only the hooks are told where that is.
 
-    The plant's modes in `loop` have those of the effects behind them. The feedback's integral, if it has one, holds the
-    external force of the start, too.
+    The plant's modes in `loop` have those of the effects behind them, the last `by_friction` of which the friction
+    drives alone, by what it differs from that of the start: positions are from the equilibrium there. The feedback's
+    integral, if it has one, holds the external force of the start, too.
     """
     follows_law = law.c.size > 0
     phi, gamma, state = loop.phi, loop.gamma, run.state
@@ -309,8 +310,9 @@ def run_effects(loop: Loop, run: Run, hooks: Hooks, law: LawArrays, origin: floa
                 x = v = 0.0
                 for j in range(modes):
                     q, rate = state[j, 0], state[j, 1]
-                    state[j, 0] = phi[part, j, 0] * q + phi[part, j, 1] * rate + gamma[part, j, 0] * net
-                    state[j, 1] = phi[part, j, 2] * q + phi[part, j, 3] * rate + gamma[part, j, 1] * net
+                    input_force = net if j < modes - by_friction else run.friction[0] - force
+                    state[j, 0] = phi[part, j, 0] * q + phi[part, j, 1] * rate + gamma[part, j, 0] * input_force
+                    state[j, 1] = phi[part, j, 2] * q + phi[part, j, 3] * rate + gamma[part, j, 1] * input_force
                     x += state[j, 0]
                     v += state[j, 1]
                 acceleration = (v - before) / h

@@ -192,7 +192,7 @@ def _alone(
     """The response of one machine under its PID, or under a law, its positions from where it begins [m]."""
     loop, run = prepared
     if machine.effects or law is not None:
-        run_effects(loop, run, pack(machine.effects, run.z.size), arrays(law), origin)
+        run_effects(loop, run, pack(machine.effects, run.z.size), arrays(law), origin, _by_friction(machine))
     else:
         run_one(loop, run)
     return _response(machine, target, run)
@@ -253,7 +253,8 @@ class Substeps:
     """The plant, with the modes of its effects, over the substeps of a sample's two parts.
 
     counts (2,) and step (2,) [s]: how many they are and how long; delay: whole samples of dead time; phi (2, m, 4) and
-    gamma (2, m, 2) of each part and mode, see kernel.py.
+    gamma (2, m, 2) of each part and mode, see kernel.py; by_friction: how many of the modes, the last ones, the
+    friction drives alone.
     """
 
     counts: NDArray[np.int64]
@@ -261,6 +262,7 @@ class Substeps:
     delay: int
     phi: Array
     gamma: Array
+    by_friction: int
 
 
 def substeps_needed(machine: Machine, least: int = LEAST_SUBSTEPS) -> int:
@@ -291,8 +293,14 @@ def substeps_needed(machine: Machine, least: int = LEAST_SUBSTEPS) -> int:
 
 
 def _with_effects(machine: Machine) -> Plant:
-    """The plant with the modes that its effects add."""
-    return replace(machine.plant, modes=sum((effect.modes() for effect in machine.effects), machine.plant.modes))
+    """The plant with the modes that its effects add, last those that the friction drives."""
+    added = sorted(machine.effects, key=lambda effect: effect.friction_drives)
+    return replace(machine.plant, modes=sum((effect.modes() for effect in added), machine.plant.modes))
+
+
+def _by_friction(machine: Machine) -> int:
+    """How many modes the friction drives alone, the last ones of `_with_effects`."""
+    return sum(len(effect.modes()) for effect in machine.effects if effect.friction_drives)
 
 
 def substeps_of(machine: Machine, substeps: int | None = None) -> Substeps:
@@ -308,7 +316,7 @@ def substeps_of(machine: Machine, substeps: int | None = None) -> Substeps:
         for j in range(modes):  # the modes do not act on each other: Phi is block diagonal
             phi[part, j] = whole[2 * j : 2 * j + 2, 2 * j : 2 * j + 2].ravel()
             gamma[part, j] = held[2 * j : 2 * j + 2, 0]
-    return Substeps(counts, step, delay, phi, gamma)
+    return Substeps(counts, step, delay, phi, gamma, _by_friction(machine))
 
 
 def _parts(dead_time: float, sample_time: float, substeps: int) -> tuple[NDArray[np.int64], Array, int]:

@@ -88,7 +88,8 @@ def compensate(
 def _in_plant(effect: Effect, machine: Machine, whole: Machine) -> bool:
     """Whether the plant of `whole`, beyond the machine's, has the modes or the delay of the effect."""
     longer = whole.plant.dead_time > machine.plant.dead_time
-    return bool(effect.modes() and whole.plant.modes != machine.plant.modes) or (longer and effect.input_delay() > 0)
+    modes = effect.modes() if not effect.friction_drives else ()
+    return bool(modes and whole.plant.modes != machine.plant.modes) or (longer and effect.input_delay() > 0)
 
 
 def _row(one: Validation) -> dict[str, float]:

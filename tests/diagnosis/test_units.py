@@ -35,7 +35,9 @@ from models.effects.friction_laws import DirectionalFriction, ViscousFriction
 from models.effects.priors import REFERENCE, Priors, Units
 from models.effects.structure import AdditionalMode
 from models.friction import elements
+from models.machine import Machine
 from models.quantity import declaration, nearest
+from models.records.record import Record
 from tests.diagnosis.slow import leg
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
@@ -53,8 +55,11 @@ CHANGES = (Change(force=1 / 40), Change(length=3.0), Change(time=0.5), ALL)
 
 def _answer(change: Change, effects: list[Any]) -> tuple[Answer, dict[str, float]]:
     """What the search says of a short record in other units, and what effects gain that are worth a look."""
-    records = tuple(map(change.record, recorded(SMOOTH, PLAN, effects, seed=3)))
-    machine = with_units(change.machine(SMOOTH), records)
+    return _found(change.machine(SMOOTH), tuple(map(change.record, recorded(SMOOTH, PLAN, effects, seed=3))))
+
+
+def _found(axis: Machine, records: tuple[Record, ...]) -> tuple[Answer, dict[str, float]]:
+    machine = with_units(axis, records)
     chance = Null({}, ((0.9,),), (4.0,))
     found = Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), chance)
     stages = select(found)
@@ -83,6 +88,22 @@ def test_a_motor_of_milligrams_gets_the_names_of_a_table(effect: Effect) -> None
     was larger than one of the table can be."""
     found, _ = _answer(MOTOR, [effect])
     assert (found.outcome, found.names) == (Outcome.ATTRIBUTED, (effect.name,))
+
+
+def test_a_thrust_asked_for_in_amperes_changes_no_modal_gain() -> None:
+    """Of a motor of 62 N/A whose file says so. A mode that the search added moved by the amperes and not the newtons:
+    its gain was 62 times as large in the file, which simulates it by the newtons."""
+    constant, effect = 62.0, AdditionalMode(4e-3, 220.0, 0.02)
+    change = Change(force=1 / constant)
+    amperes = replace(change.machine(SMOOTH), plant=replace(SMOOTH.plant, thrust_constant=constant))
+    here, there = (
+        _found(machine, tuple(map(told.record, recorded(SMOOTH, PLAN, [effect], seed=3))))[0]
+        for machine, told in ((SMOOTH, Change()), (amperes, change))
+    )
+    assert (here.outcome, here.names) == (there.outcome, there.names) == (Outcome.ATTRIBUTED, (effect.name,))
+    ((mode,), (other,)) = (one.stages[-1].fitted.candidate.added_effects for one in (here, there))
+    assert other.values() == pytest.approx(mode.values(), rel=1e-3)
+    assert other.strength() == pytest.approx(effect.strength(), rel=0.1)
 
 
 @pytest.mark.parametrize("name", sorted(every()))

@@ -76,7 +76,7 @@ def test_the_loop_without_hooks_is_the_loop_without_effects(index: int) -> None:
     strained = 0.4 * np.array(machine.friction.limit)
     nominal = simulate(machine, CONTROLLER, TARGET, seed=2, initial_friction=strained)
     loop, run = simulator._prepare(machine, CONTROLLER, references(CONTROLLER, TARGET), 10, 2, strained)
-    run_effects(loop, run, pack((), len(machine.friction.limit)), arrays(None), 0.0)
+    run_effects(loop, run, pack((), len(machine.friction.limit)), arrays(None), 0.0, 0)
     assert np.array_equal(run.position, nominal.position)
     assert np.array_equal(run.friction, nominal.friction)
     assert np.array_equal(run.command, nominal.record.command)
