@@ -3,9 +3,11 @@
 The closure C = (G_refit^2 - G_effect^2) / (G_refit^2 - G_floor^2) compares the innovations of the re-fitted nominal
 machine with those of the model with the effects, on motions to which the effects' parameters were not fitted. The floor
 is what the same method leaves of a record that this very model made, simulated: quantisation, noise and what the method
-itself neglects are in it. Where a drive is rougher than its model and motions repeat, the floor is what does not, and
-all three are of those motions only. They are weighted over frequency by the share of the gap in what the re-fit leaves
-(N. Wiener's filter): the floor's noise is another in the simulation, and elsewhere would only blur the difference.
+itself neglects are in it. A model that surely leaves more of its own records than of the measured ones, as one that
+swings by itself, did not make these: the floor is the re-fitted machine's then. Where a drive is rougher than its model
+and motions repeat, the floor is what does not, and all three are of those motions only. They are weighted over
+frequency by the share of the gap in what the re-fit leaves (N. Wiener's filter): the floor's noise is another in the
+simulation, and elsewhere would only blur the difference.
 
 The filter's own random force follows what is slow, so that innovations hardly show a spring or a drift. Where they do
 not surely exceed the floor, the same closure is that of the smoothed unknown force. Where this leaves it open, too, as
@@ -110,8 +112,16 @@ def held_out_closure(stages: Sequence[Stage], baseline: Baseline, seed: int) -> 
     A drive that is rougher than its model is held to what does not repeat; only where an effect acts at random, which
     nothing but a simulation tells from the floor, is it simulated as well.
     """
+    own = _repeated_floor(stages[-1], baseline) or simulated_floor(stages[-1], baseline, seed)
+    found = _closure_above(own, stages, baseline)
+    if len(stages) == 1 or own.source != SIMULATION or found.excess > -baseline.criteria.missing_excess:
+        return found
+    return _closure_above(simulated_floor(stages[0], baseline, seed), stages, baseline)
+
+
+def _closure_above(floor: NoiseFloor, stages: Sequence[Stage], baseline: Baseline) -> Closure:
+    """`held_out_closure` above a noise floor."""
     records, first, final = baseline.records, stages[0].fitted, stages[-1].fitted
-    floor = _repeated_floor(stages[-1], baseline) or simulated_floor(stages[-1], baseline, seed)
     known, weight = floor.known, weights(records)
     size = _deviations(final) * noise(final.candidate.machine)
     left = held_out(final, partial_out(final, baseline.segment)) * _deviations(final)

@@ -180,10 +180,11 @@ def bootstrap_interval(values: Array, motions: int) -> tuple[float, float]:
 
 def closure_interval(closure: float, drawn: Array, motions: int) -> tuple[float, float]:
     """The 95 % interval of a closure [1] by what is drawn over so many motions; from nothing to all of the gap, or
-    beyond, of one motion, which tells nothing of others."""
+    beyond, of one motion, which tells nothing of others. No end is beyond -1 or 1, unless the closure itself is."""
     if motions < 2:
         return min(0.0, closure), max(1.0, closure)
-    return bootstrap_interval(drawn, motions)
+    low, high = bootstrap_interval(drawn, motions)
+    return max(low, min(-1.0, closure)), min(high, max(1.0, closure))
 
 
 def shares(

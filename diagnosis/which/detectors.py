@@ -22,7 +22,7 @@ from diagnosis.records.motions import repeated, scatter
 from diagnosis.records.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
-from diagnosis.which.random_force import SAME_FREQUENCY_RATIOS, is_about, strongest_random_force
+from diagnosis.which.random_force import SAME_FREQUENCY_RATIOS, RandomForce, is_about, strongest_random_force
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.base import parameters
@@ -126,7 +126,7 @@ def random_force(seen: View) -> Detected:
         return Detected()
     if found.gain <= threshold:
         return Detected()
-    if is_locked(seen.fitted, seen.baseline, found.resonance.frequency):
+    if is_locked(seen.fitted, seen.baseline, found.resonance.frequency) or _rings_unnamed(seen, found):
         return Detected()
     return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
 
@@ -134,6 +134,20 @@ def random_force(seen: View) -> Detected:
 def _rings(fitted: Fit, frequency: float) -> bool:
     """Whether a mode that was added rings about this frequency [Hz]: it rings to forces that nobody knows, too."""
     return any(is_about(mode.frequency, frequency) for one in fitted.candidate.added_effects for mode in one.modes())
+
+
+def _rings_unnamed(seen: View, found: RandomForce) -> bool:
+    """Whether a mode about the force's frequency that must not be used would take a good part of what it gains: what
+    rings with the commands is no floor, whether or not it may have its name."""
+    kinds, least = seen.baseline.machine.kinds, seen.baseline.criteria.random_force_of_a_mode * found.gain
+    modes = [name for name in seen.disabled if name in kinds and kinds[name].typical().modes()]
+    if not modes:
+        return False
+    findings, _ = scan(seen.fitted, seen.baseline.records, seen.own, kinds.keys() - set(modes))
+    about = found.resonance.frequency
+    return any(
+        one.held_out > least and any(is_about(mode.frequency, about) for mode in one.effect.modes()) for one in findings
+    )
 
 
 def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:

@@ -37,8 +37,8 @@ class FrictionDrivenMode(Effect):
     structure, with a spring between.
 
     Exact for a motor m_1 and a load m_2 on a spring, friction and scale on the load, whose plant the machine file has:
-    of the frequency and the damping of its mode, and with a gain of 1/m_2. With the scale at the motor the gain is
-    -1/m_1, and the contacts go with the load, see noncollocated_friction.
+    of the frequency and the damping of its mode, and with a gain of 1/m_2. With a negative one, the friction, whose
+    contacts go with what the scale reads, would put energy into the mode.
     """
 
     name: ClassVar = "friction_driven_mode"
@@ -49,7 +49,7 @@ class FrictionDrivenMode(Effect):
     equation: ClassVar = r"x=K_t\left[P'(s)\,(u-F)-\frac{k}{s^2+2\zeta\omega s+\omega^2}\,F\right]"
     source: ClassVar = "Ewins 2000, Modal testing (receptances of two points); sizes assumed: a fifth of 1/M to 9/M"
     friction_drives: ClassVar = True
-    gain: float = parameter("1/kg", "modal gain k", 5e-3, 0.2, "amplitude", signed=True)
+    gain: float = parameter("1/kg", "modal gain k", 5e-3, 0.2, "amplitude", at_least=0)
     frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=8, above=0)
     damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", points=2, at_least=0, below=1)
 

@@ -244,3 +244,28 @@ def test_on_a_rough_drive_the_force_is_held_to_what_does_not_repeat() -> None:
     assert found is not None
     assert found[0] > 0.9
     assert _closure_of_force(nominal, with_it, replace(floor, source=SIMULATION), baseline) is None
+
+
+def test_a_model_that_leaves_more_of_its_own_records_than_of_the_measured_ones_sets_no_floor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One that swings by itself had closed all of a gap of which it took off a tenth: less than its floor was left."""
+    machine = table()
+    records = recorded(machine, (together("far", [strokes(machine, 30e-3, (0.2,))]),), [CableSpring(300.0)], seed=5)
+    nominal = refit_within(with_units(machine, records), records)
+    baseline = Baseline(nominal, records, pieces(records, loop_time(machine)), ALIKE)
+    candidate = replace(nominal.candidate, effects=(FrictionDrift(1e-3),))
+    little = fit(candidate, records, paths=nominal.paths, iterations=0, walk=nominal.walk)
+    stages = [Stage(nominal), Stage(little, added="friction_drift")]
+    honest = held_out_closure(stages, baseline, 0)
+
+    def swinging(stage: Stage, given: Baseline, seed: int) -> NoiseFloor:
+        floor = simulated_floor(stage, given, seed)
+        factor = 1.0 if stage.added is None else 5.0
+        return replace(floor, innovations=tuple(factor * one for one in floor.innovations))
+
+    monkeypatch.setattr("diagnosis.closure.simulated_floor", swinging)
+    found = held_out_closure(stages, baseline, 0)
+    assert found.closure == pytest.approx(honest.closure, abs=0.05)
+    assert found.closure < 0.5
+    assert found.excess > 0

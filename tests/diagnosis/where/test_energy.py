@@ -53,6 +53,14 @@ def test_one_motion_leaves_open_all_of_a_gap_and_nothing(closure: float, interva
     assert closure_interval(closure, np.full(100, closure), 1) == interval
 
 
+def test_no_closure_lies_beyond_all_of_a_gap() -> None:
+    """Student's interval of two motions reaches far beyond what a share can be."""
+    low, high = closure_interval(0.9, np.array([0.8, 0.9, 1.0, 0.9]), 2)
+    assert low == pytest.approx(-0.37, abs=0.01)
+    assert high == 1.0
+    assert closure_interval(1.2, np.array([1.1, 1.2, 1.3, 1.2]), 2)[1] == 1.2
+
+
 def test_behind_a_jump_of_the_reference_the_table_starts_settles_and_rests() -> None:
     """Steps of 20 µm every 0.3 s, of which 25 ms are settling."""
     target = feeding_sequence(20e-6, 2, 0.3, 0.5e-3)

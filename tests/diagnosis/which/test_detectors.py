@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,13 +10,17 @@ import pytest
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import dwell_sweep
+from diagnosis.model.kalman import Resonance
 from diagnosis.which import detectors
 from diagnosis.which.command_jitter import Lateness
 from diagnosis.which.detectors import View, _from_afar
+from diagnosis.which.random_force import RandomForce
+from diagnosis.which.scan import Finding
 from diagnosis.which.stage import Proposal
 from models.effects.base import parameters
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from models.effects.scale import ScaleDrift, ScalePeriodicError
+from models.effects.structure import AdditionalMode
 from tests.diagnosis.tables import nominal_with, recorded, table
 
 
@@ -62,3 +67,38 @@ def test_commands_that_are_late_by_more_than_a_sample_are_simulated_as_such(
     assert isinstance(part.effect, TimingJitter)
     assert part.effect.part == pytest.approx(simulated)
     assert part.part * simulated == pytest.approx(samples**2)
+
+
+@pytest.mark.parametrize(
+    ("disabled", "frequency", "gain", "proposed"),
+    [
+        ((), 270.0, 5e3, True),
+        (("additional_mode",), 270.0, 5e3, False),
+        (("additional_mode",), 120.0, 5e3, True),
+        (("additional_mode",), 270.0, 1e3, True),
+        (("cogging",), 270.0, 5e3, True),
+    ],
+)
+def test_what_a_mode_that_must_not_be_used_rings_is_no_floor(
+    disabled: tuple[str, ...], frequency: float, gain: float, proposed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mode rings with the noise of the commands as well at rest as in motion: 150 N at 268 Hz of a floor were named
+    in its place on an axis of 3 N of friction (seed 202636)."""
+    kinds = {kind.name: kind for kind in (AdditionalMode, Cogging)}
+    line = RandomForce(Resonance(268.0, 0.5, 5.0), 1e4)
+    mode = Finding(AdditionalMode(1e-3, frequency, 0.02), 0.0, gain)
+
+    def scanned(_fitted: Any, _records: Any, _own: Any, left_out: Collection[str]) -> tuple[list[Finding], Any]:
+        assert set(left_out) == {"cogging"}
+        return [mode], {}
+
+    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: line)
+    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    monkeypatch.setattr(detectors, "scan", scanned)
+    fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=(), random_forces=()))
+    baseline: Any = SimpleNamespace(
+        criteria=Criteria(), thresholds={}, records=(SimpleNamespace(every=1),), machine=SimpleNamespace(kinds=kinds)
+    )
+    nothing: Any = None
+    found = detectors.random_force(View(fitted, baseline, nothing, disabled)).proposals
+    assert [one.name for one in found] == (["floor_vibration"] if proposed else [])
