@@ -26,7 +26,7 @@ ROLES = {
     "redesign": "verification",
 }
 TOLD = (
-    ("worse", "machines that end worse than before by more than 5 % and noise"),
+    ("worse_when_run", "redesigns worse when run by more than 5 % and noise, or not run to their end"),
     ("inside_settling", "redesigns whose settling was in its 90 % interval"),
     ("inside_dispersion", "redesigns whose 3σ was in its 90 % interval"),
     ("said_why", "of what ends late, said with a reason"),
@@ -109,16 +109,17 @@ def ways(results: Results) -> list[tuple[str, str]]:
 
 def closed(results: Results) -> str:
     """What came of it, in a sentence."""
-    count, worse = len(results["cases"]), results["rates"]["worse"]["hits"]
+    count, worse = len(results["cases"]), results["rates"]["worse_when_run"]
     machines = f"{count} machine{'s' if count != 1 else ''}"
+    back = f"{worse['hits']} of {worse['tries']} redesigns {'was' if worse['hits'] == 1 else 'were'} rolled back"
     share = results["shares"]["after"]["settling"]
     if results["quick"]:  # no design is made with the truth, so nothing says what could be gained
-        return f"On {machines}, {worse} ended worse than before."
+        return f"On {machines}, {back}."
     if share["median"] is None:
-        return f"On {machines}, of which {worse} end worse than before; on none could settling be much faster."
+        return f"On {machines}, {back}; on none could settling be much faster."
     return (
         f"On {machines}, the redesign recovers {_part(share['median'])} (median of {share['count']}) of the settling "
-        f"time that designs with the truth would gain; {worse} end worse than before."
+        f"time that designs with the truth would gain; {back}."
     )
 
 

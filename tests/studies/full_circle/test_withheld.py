@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from design.redesign.outcome import Outcome
 from models.effects.catalogue import every
 from studies.blind_trial.sealer.machines.cases import machine_of
 from studies.command import BAD_INPUT, main
-from studies.full_circle import benches, policies, scoring, trial
+from studies.full_circle import benches, policies, scoring, trial, withheld
 from studies.full_circle.__main__ import STUDY
+from studies.full_circle.report import closed
 from studies.full_circle.trial import case_of
+from tests.design.redesign.axes import KNOWN
 
 NAMED, OFF, EXCLUDED = (6, 4), (2, 28), (5, 39)  # seed and case: one effect, parameters, one that may not be named
 QUIET = {"settling_s": 1e-3, "dispersion_m": 1e-9}
@@ -32,7 +37,9 @@ def case(before: float, after: float, truth: float, **more: Any) -> dict[str, An
         "tried": outcome(after),
         "beside": {},
         "noise": QUIET,
+        "rolled_back": [],
         "redesign": {
+            "kept": False,
             "specified": {"settling_s": 50e-3},
             "unmet": ["because"],
             "designs": [
@@ -52,10 +59,30 @@ def test_the_share_recovered_is_of_what_the_truth_gains() -> None:
     assert scoring.recovered(case(100e-3, 40e-3, 20e-3), "pid", "settling") is None
 
 
-def test_a_machine_is_worse_beyond_five_per_cent_and_noise() -> None:
-    assert not scoring.is_worse(case(100e-3, 105e-3, 20e-3))
-    assert scoring.is_worse(case(100e-3, 107e-3, 20e-3))
-    assert scoring.is_worse(case(100e-3, 50e-3, 20e-3) | {"after": outcome(50e-3, 2e-6)})
+def test_a_redesign_that_is_rolled_back_counts_though_its_machine_ends_as_it_was() -> None:
+    """One that stays, one that is worse when run, one that trips; none was run on the fourth machine."""
+    end = case(100e-3, 100e-3, 20e-3)
+    worse, tripped = ({**end, "rolled_back": ["because"], "tried": tried} for tried in (outcome(200e-3), None))
+    kept = {**end, "tried": None, "redesign": {**end["redesign"], "kept": True}}
+    rates = scoring.rates([case(100e-3, 40e-3, 20e-3), worse, tripped, kept])
+    assert (rates["worse_when_run"]["hits"], rates["worse_when_run"]["tries"]) == (2, 3)
+    results = {"rates": rates, "shares": scoring.shares([worse]), "cases": [worse] * 4, "quick": True}
+    assert closed(results) == "On 4 machines, 2 of 3 redesigns were rolled back."
+    checks = trial._checks({**results, "failed": [], "enough": True})
+    assert not next(one for one in checks if one.name == "redesigns worse when run").holds
+
+
+def test_what_is_rolled_back_is_what_a_record_shows_to_be_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By more than five per cent and noise."""
+    before, seen = Outcome(40e-3, 1e-6, 10, 0), list[Outcome]()
+    monkeypatch.setattr(withheld, "outcome", lambda *_: seen[-1])
+    for after, settling, stays in ((41.5e-3, 41.5e-3, True), (44e-3, 40e-3, False)):
+        seen[:] = [before]
+        work = SimpleNamespace(machine=KNOWN, run=lambda *_, after=after: seen.append(replace(before, settling=after)))
+        made = SimpleNamespace(chosen=SimpleNamespace(kept=False, design=None))
+        found, why, _ = withheld._tried(work, made, None)  # type: ignore[arg-type]
+        assert found is not None
+        assert (found.settling, not why) == (settling, stays)
 
 
 def test_medians_have_an_interval_that_holds_the_true_one_and_rates_are_counted() -> None:
@@ -66,7 +93,7 @@ def test_medians_have_an_interval_that_holds_the_true_one_and_rates_are_counted(
     more = scoring.shares([*cases, case(100e-3, 45e-3, 20e-3)])["after"]["settling"]
     assert (more["low"], more["high"]) == (pytest.approx(0.6), pytest.approx(1.0))
     rates = scoring.rates(cases)
-    assert (rates["worse"]["hits"], rates["inside_settling"]["tries"]) == (0, 5)
+    assert (rates["worse_when_run"]["hits"], rates["inside_settling"]["tries"]) == (0, 5)
     assert rates["inside_settling"]["hits"] == sum(20e-3 <= one["after"]["settling_s"] <= 31e-3 for one in cases)
 
 
