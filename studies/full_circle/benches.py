@@ -72,7 +72,8 @@ def benches(machine: str, folder: Path) -> Iterator[Benches]:
 
 
 def answered(machine: str, folder: Path, task: Mapping[str, Any]) -> dict[str, Any]:
-    """What the working process answers for a machine; task: {"terms", "disabled", "seed", "cache"}."""
+    """What the working process answers for a machine; task: {"terms", "disabled", "seed", "cache"}. Of what lies beside
+    its folder, where other answers and the truths of an earlier run are, it may open the cache alone."""
     with benches(machine, folder) as found:
         main = found.of("main")
         assert main.nominal is not None  # a sealed machine says what is known of it
@@ -88,9 +89,14 @@ def answered(machine: str, folder: Path, task: Mapping[str, Any]) -> dict[str, A
             "limits": limits,
             "disabled": [*task["disabled"], *_names(main.folder / "disabled.json")],
             "folder": str(folder),
-            "forbidden": [str(SEALER_FOLDER)],
+            "forbidden": [str(SEALER_FOLDER), *_others(folder, Path(task["cache"]))],
         }
         return {**_worked(whole, found, load(main.nominal).sample_time), "beyond": found.refused}
+
+
+def _others(folder: Path, cache: Path) -> list[str]:
+    """What lies beside the folder of an answer, but the cache."""
+    return [str(one) for one in sorted(folder.parent.iterdir()) if one not in (folder, cache)]
 
 
 def _names(file: Path) -> list[str]:

@@ -33,6 +33,7 @@ MEMORY_BYTES: Final = 1.5e9  # that a trial holds
 SOURCE: Final = "what the circle is to reach"
 TOLD_MACHINES: Final = 10  # machines that are told as stories
 ACTIVE: Final = "active"
+OPENED: Final = "-opened"  # at the end of the name of a machine's truth, as a folder and as a step
 GOALS: Final = {name: "redesign" if name == ACTIVE else "name" for name in policies.POLICIES}
 QUICKLY: Final = {ACTIVE: "refit"}
 SECONDS: Final = 60.0  # of machine time for a diagnosis, that of the first record included
@@ -69,13 +70,15 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         for policy, goal in (QUICKLY if options.quick else GOALS).items()
     }
     (output / "sealed" / "null").mkdir(parents=True, exist_ok=True)  # no process reads a folder newer than itself
+    if any(steps.kept(name, made_from) is None for name, made_from in used.items()):
+        _forget_truths(output / "sealed")
     answers = _over(steps, used, partial(_worked, output), lambda share, text: progress(0.8 * share, text))
     answers = {name: {**one, "of": steps.mark(used[name])} for name, one in answers.items()}
     committed = output / "sealed" / "answers_committed.json"
     require_committed(committed, answers, output / "sealed")
     commit(committed, answers)
     ran = {
-        f"{name}-opened": {
+        f"{name}{OPENED}": {
             "seed": options.seed,
             "case": case[name],
             "design": "redesign" in answers[name] and not options.quick,
@@ -84,10 +87,10 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         for name in names
     }
     opened = _over(steps, ran, partial(_opened, output), lambda share, text: progress(0.8 + 0.15 * share, text))
-    cases = [{**answers[name], **opened[f"{name}-opened"], "case": name} for name in names]
+    cases = [{**answers[name], **opened[f"{name}{OPENED}"], "case": name} for name in names]
     done = [one for one in cases if "failed" not in one]
     found = [
-        policies.scored(name, policy, answers[answer_of(name, policy)], opened[f"{name}-opened"]["label"])
+        policies.scored(name, policy, answers[answer_of(name, policy)], opened[f"{name}{OPENED}"]["label"])
         for name in names
         for policy in ({} if options.quick else GOALS)
     ]
@@ -105,6 +108,14 @@ def compute(options: CircleOptions, progress: Progress) -> Answer:
         "enough": count >= MIN_JUDGED_MACHINES,
     }
     return Answer(results, tuple(_checks(results)), {}, _summary(results))
+
+
+def _forget_truths(sealed: Path) -> None:
+    """Deletes what earlier runs opened, in their folders and steps: no truth is there while an answer is worked on."""
+    for one in sealed.glob(f"*{OPENED}"):
+        shutil.rmtree(one)
+    for one in sealed.glob(f"steps/*{OPENED}.json"):
+        one.unlink()
 
 
 def answer_of(machine: str, policy: str) -> str:

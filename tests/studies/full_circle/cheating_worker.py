@@ -13,6 +13,7 @@ from typing import Any
 
 from studies.blind_trial.guard import SEALER_FOLDER, forbid
 from studies.full_circle import worker
+from studies.full_circle.trial import OPENED
 
 
 def came_of(cheat: Callable[[], Any]) -> str:
@@ -40,10 +41,14 @@ def main() -> None:
         print(json.dumps({"run": asked}), flush=True)
         return json.loads(sys.stdin.readline())
 
+    truth = Path(f"{folder}{OPENED}") / "truth.json"
+    step = folder.parent / "steps" / f"{folder.name}{OPENED}.json"
     cheats: dict[str, Callable[[], Any]] = {
         "opens the sealer": lambda: (SEALER_FOLDER / "physics.py").read_text(encoding="utf-8"),
         "opens it by a link": by_a_link,
         "imports the sealer": lambda: __import__("studies.blind_trial.sealer.machines.cases"),
+        "opens the truth of an earlier run": lambda: truth.read_text(encoding="utf-8"),
+        "opens its step": lambda: step.read_text(encoding="utf-8"),
         "asks for too much": lambda: ask("main"),
         "asks for a bench elsewhere": lambda: ask("../elsewhere"),
     }

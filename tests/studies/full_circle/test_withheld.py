@@ -148,15 +148,41 @@ def test_who_looks_at_what_is_sealed_or_asks_for_too_much_gains_nothing(
     output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(benches, "WORKER", (sys.executable, "-m", "tests.studies.full_circle.cheating_worker"))
+    for opened in ("cheated-opened/truth.json", "steps/cheated-opened.json"):  # by an earlier run
+        (output / "sealed" / opened).parent.mkdir(exist_ok=True)
+        (output / "sealed" / opened).write_text("{}", encoding="utf-8")
     found = trial._worked(output, "cheated", made_from(EXCLUDED, "name"))
     assert found["failed"].startswith("refused: open")
     said = found["said"]
-    assert set(list(said.values())[:3]) == {"RefusedError"}
+    assert set(list(said.values())[:5]) == {"RefusedError"}
     assert "distance" in json.loads(said["asks for too much"])["refused"]
     assert "there is no bench" in json.loads(said["asks for a bench elsewhere"])["refused"]
     assert found["beyond"] == 1
     assert not (output / "sealed" / "cheated" / "main" / "machine" / "record-1.csv").exists()
     assert "dwell_breakaway" in found["task"]["disabled"]  # as the machine itself asks for, and nothing here does
+
+
+def test_no_truth_of_an_earlier_run_is_there_while_an_answer_is_worked_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a second run by a changed program, and of a third one that has nothing left to do."""
+    label, there = {"case": "sealed", "kind": "clean", "name": []}, list[list[str]]()
+
+    def opened(output: Path, name: str, _: Any) -> dict[str, Any]:
+        (output / "sealed" / name).mkdir(exist_ok=True)
+        return {"truth": None, "label": label}
+
+    def worked(output: Path, *_: Any) -> dict[str, Any]:
+        there.append([str(one) for one in (output / "sealed").rglob("*opened*")])
+        return {"failed": "nobody works here"}
+
+    monkeypatch.setattr(trial, "_worked", worked)
+    monkeypatch.setattr(trial, "_opened", opened)
+    for program in ("first", "changed", "changed"):
+        monkeypatch.setattr(trial, "program", lambda program=program: program)
+        main(STUDY, ["--cases", "1", "--quick", "--no-report", "--output", str(tmp_path / "out")])
+        assert sum(one.name.startswith("machine-001-opened") for one in (tmp_path / "out").rglob("*")) == 2
+    assert there == [[], []]
 
 
 def test_answers_that_were_changed_after_they_were_committed_stop_the_study(
