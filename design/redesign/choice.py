@@ -36,8 +36,8 @@ def chosen(designs: Sequence[Design], predictions: Sequence[Prediction], machine
     """The design that is surely better than all before it in the list, the old one first.
 
     Better: the whole interval of its gain, run by run on the same machines, is above 0 in settling or in 3 sigma, and
-    in neither is it worse by more than WORSE in the median; and it does not saturate the drive in more than
-    SATURATED of the runs, or at least in no more than the design before it.
+    in neither is it worse by more than WORSE in the median, nor do more motions never settle; and it does not saturate
+    the drive in more than SATURATED of the runs, or at least in no more than the design before it.
 
     Of two new ones around the same feedback, both surely better than the old one, a record will show one or the other,
     and neither is there yet to be kept: so the later one is also taken where it is better in both on average.
@@ -65,6 +65,8 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
     """Why a design does not take the old one's place; empty where it does."""
     if new.saturated > max(old.saturated, SATURATED * new.settling.size):
         return f"it asks for more than the rated thrust in {new.saturated} of {new.settling.size} simulated runs"
+    if new.never > old.never:
+        return f"more motions never settle, {new.never:g} instead of {old.never:g} in the median"
     for name, unit in MEASURE_UNITS.items():
         before, after = (float(np.median(getattr(one, name))) for one in (old, new))
         if after > before * (1 + WORSE) + least(machine)[name]:
@@ -98,12 +100,15 @@ def least(machine: Machine) -> dict[str, float]:
 
 def worse(before: Outcome, after: Outcome, machine: Machine) -> tuple[str, ...]:
     """In what a record of the new design is worse than one of the old, by more than WORSE and what noise makes;
-    empty where it stays (SI). Not to be asked of machines of different specifications."""
+    empty where it stays (SI). Settling is worse where a larger share of the motions never settles, and no time is
+    compared where one does not. Not to be asked of machines of different specifications."""
     found = []
     for name, unit in MEASURE_UNITS.items():
         old, new = float(getattr(before, name)), float(getattr(after, name))
-        never = name == "settling" and not before.never and after.never > 0  # however long its motions were watched
-        if never or new > old * (1 + WORSE) + least(machine)[name]:
+        lost = new > old * (1 + WORSE) + least(machine)[name]
+        if name == "settling" and (before.never or after.never):  # however long such motions were watched
+            lost = after.never_share > before.never_share
+        if lost:
             told = [_told(one, name, unit) for one in (after, before)]
             found.append(f"{CALLED[name]}: {told[0]} instead of {told[1]}")
     return tuple(found)

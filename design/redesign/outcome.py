@@ -39,6 +39,11 @@ class Outcome:
     motions: int
     never: int
 
+    @property
+    def never_share(self) -> float:
+        """The share [1] of the motions that never settled."""
+        return self.never / self.motions
+
 
 def outcome(record: Record, machine: Machine) -> Outcome | None:
     """The outcome of a record's motions; None where fewer than two positive ones are over the specified stroke, or

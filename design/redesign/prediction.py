@@ -47,11 +47,13 @@ class Interval:
 @dataclass(frozen=True)
 class Prediction:
     """Settling times [s] and 3 sigma [m] of runs of one design (runs,), each on a machine of its own; the same machines
-    in the same order for every design. saturated: in how many of them the command left the rating."""
+    in the same order for every design. saturated: in how many of them the command left the rating; never: how many
+    motions of a run never settled, in the median. Such a motion counts as long as it lasted."""
 
     settling: Array
     dispersion: Array
     saturated: int = 0
+    never: float = 0.0
 
     def interval(self, name: str, level: float = LEVEL) -> Interval:
         """Of "settling" [s] or "dispersion" [m], with so large a share [1] of the runs in it."""
@@ -75,8 +77,8 @@ def predicted(design: Design, machines: Sequence[Machine], seed: int = 0, left: 
     """Runs of a design on each of `machines`, which could be the machine at hand; SI. seed: of noise and pasts; left:
     the force (n,) [N] that no model explains, of each record that showed one."""
     rows = [_run(design, machine, seed, number, left) for number, machine in enumerate(machines)]
-    settling, dispersion, saturated = (np.array(column, float) for column in zip(*rows, strict=True))
-    return Prediction(settling, dispersion, int(saturated.sum()))
+    settling, dispersion, never, saturated = (np.array(column, float) for column in zip(*rows, strict=True))
+    return Prediction(settling, dispersion, int(saturated.sum()), float(np.median(never)))
 
 
 def resampled(left: Sequence[Array], samples: int, seed: int) -> Array:
@@ -98,18 +100,18 @@ def moved_by(left: Sequence[Array], design: Design, machine: Machine, seed: int 
 
 def _run(
     design: Design, machine: Machine, seed: int, number: int, left: Sequence[Array] = ()
-) -> tuple[float, float, bool]:
-    """(settling [s], 3 sigma [m], whether it asked for more than the rating) of one run, which never settles if it runs
-    away."""
+) -> tuple[float, float, int, bool]:
+    """(settling [s], 3 sigma [m], motions that never settle, whether it asked for more than the rating) of one run,
+    none of whose motions settles if it runs away."""
     with np.errstate(all="ignore"):  # a loop that runs away is a result
         record, push = _response(design, machine, seed, number, left)
         whole = bool(np.all(np.isfinite(record.position)) and np.all(np.isfinite(record.command)))
     saturated = not whole or float(np.max(np.abs(record.command - push))) > machine.drive.rated_thrust
     if not whole:
-        return machine.specification.interval, float(np.ptp(record.target)), True
+        return machine.specification.interval, float(np.ptp(record.target)), 2 * machine.specification.motions, True
     found = outcome(record, machine)
     assert found is not None  # the sequence has at least two positive motions
-    return found.settling, found.dispersion, saturated
+    return found.settling, found.dispersion, found.never, saturated
 
 
 def _response(design: Design, machine: Machine, seed: int, number: int, left: Sequence[Array]) -> tuple[Record, Array]:

@@ -176,8 +176,9 @@ def sentence(one: Mapping[str, Any], specified: float) -> str:
 
 
 def _sooner(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether fewer motions of a record never settle, or as many and the slowest one settles sooner."""
-    return bool((one["never"], one["settling_s"]) < (other["never"], other["settling_s"]))
+    """Whether a smaller share of a record's motions never settles, or the same and the slowest settles sooner."""
+    shares = [row["never"] / row["motions"] for row in (one, other)]
+    return bool((shares[0], one["settling_s"]) < (shares[1], other["settling_s"]))
 
 
 def checks(one: Mapping[str, Any], specified: float) -> list[Check]:

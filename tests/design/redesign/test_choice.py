@@ -51,6 +51,17 @@ def test_one_that_saturates_the_drive_is_not_taken() -> None:
     assert not among(Prediction(SETTLING - 10e-3, DISPERSION, saturated=4)).kept
 
 
+def test_one_of_which_more_motions_never_settle_is_not_taken() -> None:
+    """The slowest motion of either never settles, so that its time tells nothing; 3 sigma is half as large."""
+    capped = np.full(40, KNOWN.specification.interval)
+    designs = [replace(OLD, name=name) for name in ("old", "new")]
+    for never, kept in ((1, False), (2, True)):
+        new = Prediction(capped, 0.5 * DISPERSION, never=never)
+        found = chosen(designs, (Prediction(capped, DISPERSION, never=1), new), KNOWN)
+        assert found.kept == kept
+    assert found.reasons["new"].startswith("more motions never settle, 2 instead of 1 in the median")
+
+
 def test_a_richer_design_has_to_be_surely_better_than_the_simpler_one() -> None:
     first = Prediction(SETTLING - 10e-3, DISPERSION)
     assert among(first, first).design.name == "first"
@@ -88,5 +99,10 @@ def test_a_verification_is_worse_beyond_five_per_cent_and_noise() -> None:
     assert len(worse(before, Outcome(50e-3, 2e-6, 10, 0), KNOWN)) == 2
     (lost,) = worse(replace(before, settling=145e-3), Outcome(150e-3, before.dispersion, 10, 1), KNOWN)
     assert lost.endswith("never in 1 of 10 motions instead of 145 ms")
+    stuck = Outcome(150e-3, before.dispersion, 10, 1)
+    (lost,) = worse(stuck, replace(stuck, never=10), KNOWN)
+    assert lost.endswith("never in 10 of 10 motions instead of never in 1 of 10 motions")
+    assert worse(stuck, replace(stuck, motions=20, never=2), KNOWN) == ()  # of twice as many motions
+    assert worse(stuck, replace(stuck, settling=300e-3), KNOWN) == ()  # watched for twice as long
     fine = replace(before, dispersion=1e-9)
     assert worse(fine, replace(fine, dispersion=5e-8), KNOWN) == ()  # below three deviations of a reading

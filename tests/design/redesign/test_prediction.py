@@ -28,6 +28,15 @@ def test_one_more_value_like_the_others_is_in_the_interval_as_often_as_stated() 
     assert inside / 4000 == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / 4000))
 
 
+def test_motions_that_never_settle_are_counted() -> None:
+    """All of them where the loop runs away, and none where it settles."""
+    design = designed(KNOWN, "old")
+    pid = KNOWN.control.pid
+    away = replace(design, controller=design.controller.with_feedback(replace(pid, kp=-pid.kp)))
+    assert predicted(design, [KNOWN] * 3, seed=1).never == 0
+    assert predicted(away, [KNOWN] * 3, seed=1).never == 2 * KNOWN.specification.motions
+
+
 def test_few_values_give_their_ends() -> None:
     found = interval_of(np.array([3.0, 1.0, 2.0]), 0.9)
     assert (found.low, found.median, found.high) == (1.0, 2.0, 3.0)

@@ -68,6 +68,8 @@ def judged(before: Outcome | None, after: Outcome | None, *, kept: bool = False)
         (None, LATE, "missed", False, 1),
         (NEVER, SLOW, "missed", False, 1),
         (NEVER, NEVER, "missed", False, 1),
+        (NEVER, replace(NEVER, never=10), "rolled back", False, 2),
+        (NEVER, replace(NEVER, settling=2 * NEVER.settling), "missed", False, 1),  # watched for longer
         (GOOD, LATE, "rolled back", True, 1),
         (LATE, SLOW, "rolled back", False, 2),
         (SLOW, None, "asked", None, 0),
