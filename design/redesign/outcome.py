@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -69,6 +70,19 @@ def outcome(record: Record, machine: Machine) -> Outcome | None:
         float(np.max(spread, initial=0.0)),
         len(judged),
         int(np.sum(never)),
+    )
+
+
+def together(found: Sequence[Outcome]) -> Outcome | None:
+    """The outcome of all motions in several records of one design; its 3 sigma is the largest of a record. None of
+    none."""
+    if not found:
+        return None
+    return Outcome(
+        max(one.settling for one in found),
+        max(one.dispersion for one in found),
+        sum(one.motions for one in found),
+        sum(one.never for one in found),
     )
 
 

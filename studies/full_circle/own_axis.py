@@ -34,7 +34,7 @@ from studies.full_circle import asked, looked, redesigning, verification
 from studies.full_circle.folder_of_records import Given, hashes, loaded
 from studies.full_circle.options import CircleOptions
 from studies.full_circle.steps import Steps, program
-from studies.full_circle.verification import Tried, last, tried
+from studies.full_circle.verification import Tried, slowest, tried
 from studies.gap_diagnosis.compute import answered, given_of
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, loaded_of
@@ -237,8 +237,9 @@ def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None
 
 
 def _pictures(circle: Circle, redesign: Mapping[str, Any], found: Sequence[Tried]) -> dict[str, Any]:
-    """Errors of the judged motions: measured where there is a record, and as expected."""
-    runs = {design: last(found, design) for design in FILES}
+    """Errors of the judged motions: measured where there is a record, in the one with the slowest motion, and as
+    expected."""
+    runs = {design: slowest(found, design) for design in FILES}
     measured = {design: one and redesigning.errors_over_time(one.run, circle.machine) for design, one in runs.items()}
     return {"measured": measured, "expected": redesign["expected"]}
 

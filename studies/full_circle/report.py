@@ -45,7 +45,8 @@ EXPECTED = (
     "specification."
 )
 MOTIONS = (
-    "The errors of the motions over the specified stroke, turned with the motion, from the step of the target on. "
+    "The errors of the motions over the specified stroke, turned with the motion, from the step of the target on; of "
+    "several records, those of the one with the slowest motion. "
     "Dashed: the tolerance, and the time by which motions are to settle."
 )
 

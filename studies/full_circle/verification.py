@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from design.redesign.choice import MEASURE_UNITS, WORSE, least, worse
 from design.redesign.designs import in_place
-from design.redesign.outcome import Outcome, judged_motions, outcome, tolerance_reached
+from design.redesign.outcome import Outcome, judged_motions, outcome, together, tolerance_reached
 from models.machine import Machine
 from models.quantity import ROUNDING, keeps_to, show, span
 from models.records.record import Record
@@ -71,33 +71,42 @@ def _made_in_place(machine: Machine, run: Record) -> bool:
     return asked.alike(run.part(begin, run.position.size), made)
 
 
-def last(found: Sequence[Tried], design: str) -> Tried | None:
-    """The last record, by name, that this design made."""
-    return next((one for one in reversed(found) if one.design == design), None)
+def of_design(found: Sequence[Tried], design: str) -> list[Tried]:
+    """The records that this design made."""
+    return [one for one in found if one.design == design]
+
+
+def slowest(found: Sequence[Tried], design: str) -> Tried | None:
+    """Of the records that this design made, the one with the slowest motion; None where there is none."""
+    key = lambda one: (one.outcome.never_share, one.outcome.settling)  # noqa: E731
+    return max(of_design(found, design), key=key, default=None)
 
 
 def verified(machine: Machine, found: Sequence[Tried], shown: Mapping[str, Any]) -> dict[str, Any]:
-    """What the records show of both designs, and which of the two is to be kept; shown: what is expected of them."""
+    """What the records show of both designs, and which of the two is to be kept: each is judged by all motions of all
+    its records. shown: what is expected of them."""
     kept = shown["kept"]
-    before, after = last(found, "current"), None if kept else last(found, "redesign")
-    lost = worse(before.outcome, after.outcome, machine) if before is not None and after is not None else ()
+    made = {"current": of_design(found, "current"), "redesign": [] if kept else of_design(found, "redesign")}
+    before, after = (together([one.outcome for one in records]) for records in made.values())
+    lost = worse(before, after, machine) if before is not None and after is not None else ()
     stays = after if after is not None and not lost else before if kept or lost else None
-    met = None if stays is None else _met(stays.outcome, machine)
+    runs = made["current" if kept or lost else "redesign"]
+    met = None if stays is None else _met(stays, machine)
     tested = "rolled back" if lost else "holds" if met else "missed"
     return {
         "rows": [
             {"record": one.name, "design": NAMES[one.design], **(redesigning.outcome_to_json(one.outcome) or {})}
             for one in found
         ],
-        "before": None if before is None else redesigning.outcome_to_json(before.outcome),
-        "after": None if after is None else redesigning.outcome_to_json(after.outcome),
+        "before": redesigning.outcome_to_json(before),
+        "after": redesigning.outcome_to_json(after),
         "worse": list(lost),
         "state": "kept" if kept else "asked" if after is None else tested,
         "met": met,
-        "reached_tolerance_m": None if stays is None else tolerance_reached(stays.run, machine),
+        "reached_tolerance_m": max((tolerance_reached(one.run, machine) for one in runs), default=None),
         "interval_s": machine.specification.interval,
-        "inside": None if after is None else _inside(after.outcome, shown, machine),
-        "contradicts": [] if before is None else contradicting(before.outcome, shown["designs"][0], machine),
+        "inside": None if after is None else _inside(after, shown, machine),
+        "contradicts": [] if before is None else contradicting(before, shown["designs"][0], machine),
     }
 
 

@@ -27,6 +27,7 @@ from studies.full_circle.verification import (
     expected_to_settle,
     sentence,
     settles,
+    slowest,
     tried,
     verified,
 )
@@ -89,6 +90,21 @@ def test_a_design_in_place_that_stays_is_held_to_the_specification(before: Outco
     found = judged(before, None, kept=True)
     assert (found["state"], found["met"]) == ("kept", met)
     assert [one.holds for one in checks(found, SPECIFIED)] == ([] if met is None else [met])
+
+
+def test_all_records_of_a_design_count_whatever_their_order() -> None:
+    """By the slowest of all motions and the largest 3 sigma: one record of two is late, and the other spreads."""
+    late, spread = LATE, replace(GOOD, dispersion=4e-7)
+    found = [Tried(f"{k}.csv", "redesign", run(), one) for k, one in enumerate((late, spread))]
+    for before, state, met, worse in ((SLOW, "missed", False, 0), (GOOD, "rolled back", True, 2)):
+        place = Tried("old.csv", "current", run(), before)
+        told = [verified(KNOWN, records, shown()) for records in ([place, *found], [*reversed(found), place])]
+        assert [(one["state"], one["met"], len(one["worse"])) for one in told] == [(state, met, worse)] * 2
+        assert {one["after"]["settling_s"] for one in told} == {late.settling}
+        assert {one["after"]["dispersion_m"] for one in told} == {spread.dispersion}
+        assert {one["after"]["motions"] for one in told} == {20}
+    assert slowest(found, "redesign") is found[0]
+    assert slowest(found, "current") is None
 
 
 def test_a_motion_that_never_settles_has_no_time() -> None:
