@@ -18,8 +18,8 @@ from studies.folder import write_at_once
 
 Array = NDArray[np.float64]
 
-MOVED: Final = 1e-3  # of the way: from where on a reference counts as moving
-# Of the way, or of the largest feedforward: by how much a run may depart from its table.
+MOVED: Final = 1e-3  # of a stroke: from where on a reference counts as moving
+# Of a stroke, or of the largest feedforward: by how much a run may depart from its table.
 MAX_DEPARTURE_SHARE: Final = 0.01
 ENDS: Final = 0.02  # of a table that a record may lack at its end
 
@@ -65,13 +65,42 @@ def kept(folder: Path) -> tuple[Asked, ...]:
 
 def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
     """The table that a record is a run of, and the part of it that is that run, with the table's target; None where it
-    is a run of none. A log may begin before the table does, and hold no target or feedforward."""
-    found = [(distance, one, part) for one in tables if (part := _part(record, one)) for distance in [_off(part, one)]]
-    near = [row for row in found if row[0] <= MAX_DEPARTURE_SHARE]
-    if not near:
+    is a run of none, or it is unclear of which. A log may begin before the table does, and hold no target or
+    feedforward."""
+    near = _near(record, tables)
+    if not near or _several(near):
         return None
-    _, one, part = min(near, key=lambda row: row[0])
+    one, part = near[0]
     return one, replace(part, target=one.target[: part.position.size].copy())
+
+
+def unclear(record: Record, tables: Sequence[Asked]) -> bool:
+    """Whether a record without its feedforward follows the reference of tables of several kinds, or not the same."""
+    return _several(_near(record, tables))
+
+
+def same(one: Asked, other: Asked) -> bool:
+    """Whether two tables are as near as a run is to its table."""
+    if one.reference.size != other.reference.size:
+        return False
+    return _departure(one.reference, one.feedforward, other) <= MAX_DEPARTURE_SHARE
+
+
+def _near(record: Record, tables: Sequence[Asked]) -> list[tuple[Asked, Record]]:
+    """The tables that a record may be a run of, the nearest first, each with the part that is that run."""
+    found = [(one, part) for one in tables if (part := _part(record, one)) and alike(part, one)]
+    return sorted(found, key=lambda row: _off(row[1], row[0]))
+
+
+def _several(near: Sequence[tuple[Asked, Record]]) -> bool:
+    """Whether a record without its feedforward may be a run of tables that are not the same, of one kind."""
+    return any(
+        not _has_feedforward(part) and not (one.kind == near[0][0].kind and same(one, near[0][0])) for one, part in near
+    )
+
+
+def _has_feedforward(part: Record) -> bool:
+    return bool(np.ptp(part.feedforward) > 0)
 
 
 def alike(part: Record, one: Asked) -> bool:
@@ -81,7 +110,7 @@ def alike(part: Record, one: Asked) -> bool:
 
 def _part(record: Record, one: Asked) -> Record | None:
     """The part of a record that may be a run of the table: from the same distance before the first move."""
-    begins = [_first(path) for path in (record.reference, one.reference)]
+    begins = [_first(path, _stroke(one)) for path in (record.reference, one.reference)]
     if None in begins:
         return None
     start = begins[0] - begins[1]  # type: ignore[operator]
@@ -91,25 +120,32 @@ def _part(record: Record, one: Asked) -> Record | None:
     return record.part(start, stop)
 
 
-def _first(path: Array) -> int | None:
-    """The first sample at which a reference has moved."""
-    moved = np.abs(path - path[0])
-    beyond = np.flatnonzero(moved > MOVED * max(float(np.ptp(path)), 1e-300))
-    return int(beyond[0]) if beyond.size and np.ptp(path) > 0 else None
+def _first(path: Array, stroke: float) -> int | None:
+    """The first sample at which a reference has moved by MOVED of this stroke [m]."""
+    beyond = np.flatnonzero(np.abs(path - path[0]) > MOVED * stroke)
+    return int(beyond[0]) if beyond.size else None
 
 
 def _off(part: Record, one: Asked) -> float:
-    """By how much a run departs from a table, as a share of the way or of the feedforward, the larger of both; of a log
-    that has one of several samples, at these, where they are nearest to the table's."""
-    return min(_off_at(part, one, slice(first, part.position.size, part.every)) for first in range(part.every))
+    """By how much a run departs from a table, as a share of a stroke or of the feedforward, the larger of both; of a
+    log that has one of several samples, at these, where they are nearest to the table's."""
+    feedforward = part.feedforward if _has_feedforward(part) else None
+    samples = [slice(first, None, part.every) for first in range(part.every)]
+    return min(_departure(part.reference, feedforward, one, at) for at in samples)
 
 
-def _off_at(part: Record, one: Asked, at: slice) -> float:
-    reference, feedforward = part.reference[at], part.feedforward[at]
-    known = one.reference[: part.position.size][at]
-    away = float(np.max(np.abs(reference - reference[0] - known + known[0])))
-    away /= max(float(np.ptp(one.reference)), 1e-300)
-    if not np.ptp(part.feedforward) > 0:
+def _departure(reference: Array, feedforward: Array | None, one: Asked, at: slice = slice(None)) -> float:
+    """By how much references (n,) [m], [N] depart from a table at some of its first n samples."""
+    known, pushed = (signal[: reference.size][at] for signal in (one.reference, one.feedforward))
+    moved = reference[at]
+    away = float(np.max(np.abs(moved - moved[0] - known + known[0]))) / max(_stroke(one), 1e-300)
+    if feedforward is None:
         return away
-    pushed = float(np.max(np.abs(feedforward - one.feedforward[: part.position.size][at])))
-    return max(away, pushed / max(float(np.max(np.abs(one.feedforward))), 1e-300))
+    off = float(np.max(np.abs(feedforward[at] - pushed)))
+    return max(away, off / max(float(np.max(np.abs(one.feedforward))), 1e-300))
+
+
+def _stroke(one: Asked) -> float:
+    """The largest step of a table's target [m]; the way of its reference where the target rests."""
+    step = float(np.max(np.abs(np.diff(one.target)), initial=0.0))
+    return step or float(np.ptp(one.reference))

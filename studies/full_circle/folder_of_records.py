@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +13,8 @@ from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.formats import FORMATS, LISTED
 from models.records.tables.sizes import RecordError
-from studies.full_circle.asked import Asked, ran
+from studies.full_circle import redesigning
+from studies.full_circle.asked import Asked, asked, ran, unclear
 from studies.full_circle.options import CircleOptions
 from studies.gap_diagnosis.records import filled
 from studies.options import BadInputError
@@ -23,13 +24,18 @@ from studies.study import Progress
 IDENTIFIED: Final = ("response", "excitation", "hysteresis")
 """Kinds of records that the machine is identified from; all others are diagnosed."""
 JUDGED: Final = ("current", "redesign")  # kinds of tables whose runs are judged, and not diagnosed
+UNCLEAR: Final = (
+    "It has no feedforward, and its reference is that of several designs: which of them it is a run of can't be told, "
+    "so it is not judged; map its feedforward (--column)."
+)
 MAX_RECORDS: Final = 100  # records in a folder
 
 
 @dataclass(frozen=True)
 class Given:
     """A record of the folder; role: "identify", "diagnose", or of the table that it is a run of, "current" or
-    "redesign"; run: that run's part of the record. table: also of an experiment that was asked for."""
+    "redesign"; run: that run's part of the record. table: also of an experiment that was asked for. unclear: whether
+    its log, which lacks the feedforward, follows the references of several tables."""
 
     path: Path
     kind: str
@@ -37,6 +43,7 @@ class Given:
     loaded: Loaded
     table: Asked | None = None
     run: Record | None = None
+    unclear: bool = False
 
 
 def files_in(folder: Path) -> tuple[Path, ...]:
@@ -71,6 +78,7 @@ def loaded(machine: Machine, options: CircleOptions, tables: Sequence[Asked], pr
     assert options.records is not None
     files = files_in(options.records)
     mapping = mapped(machine, options, files)
+    in_place = asked("current", redesigning.current_table(machine))
     found, seen = list[Given](), dict[str, Path]()
     for number, file in enumerate(files):
         progress(0.02 * number / len(files), f"reading {file.name}")
@@ -81,11 +89,11 @@ def loaded(machine: Machine, options: CircleOptions, tables: Sequence[Asked], pr
         if one.sha256 in seen:
             raise BadInputError(f"{file}: has the same content as {seen[one.sha256].name}; remove one of them")
         seen[one.sha256] = file
-        found.append(_sorted(machine, file, one, tables))
+        found.append(_sorted(machine, file, one, tables, in_place))
     return tuple(found)
 
 
-def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked]) -> Given:
+def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked], in_place: Asked) -> Given:
     kind = recognised(machine, one)
     identified = kind in IDENTIFIED
     try:
@@ -94,6 +102,9 @@ def _sorted(machine: Machine, file: Path, one: Loaded, tables: Sequence[Asked]) 
         if not identified:
             raise BadInputError(f"{file}: {error}; or move {file.name} out of --records") from error
         whole = one
+    if isinstance(whole.content, Record) and tables and unclear(whole.content, (*tables, in_place)):
+        said = replace(whole, findings=(*whole.findings, UNCLEAR))
+        return Given(file, kind, "diagnose", said, unclear=True)
     known = ran(whole.content, tables) if isinstance(whole.content, Record) else None
     if known is not None and known[0].kind in JUDGED:
         return Given(file, kind, known[0].kind, whole, *known)

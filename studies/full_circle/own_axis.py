@@ -214,7 +214,7 @@ def _redesigned(circle: Circle, better: Machine, found: Mapping[str, Any] | None
         same = new.controller.feedback == old.controller.feedback
         target, ts = judged_target(circle.machine), circle.machine.sample_time
         tables = {
-            "current": redesigning.table(target, redesigning.references_of(circle.machine, old, own_loop=True), ts),
+            "current": redesigning.current_table(circle.machine),
             "redesign": redesigning.table(target, redesigning.references_of(circle.machine, new, own_loop=same), ts),
         }
         expected = {

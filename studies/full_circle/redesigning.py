@@ -212,6 +212,12 @@ def simulated_record(machine: Machine, design: Design, seed: int) -> Record:
     return simulate(machine, design.controller, judged_target(machine), seed=seed).record
 
 
+def current_table(machine: Machine) -> str:
+    """The table of the design in place over the motions that it is judged on."""
+    known = references_of(machine, old_design(machine), own_loop=True)
+    return table(judged_target(machine), known, machine.sample_time)
+
+
 def table(target: Any, known: References, sample_time: float) -> str:
     """References as the table that a machine runs (SI)."""
     from diagnosis.experiments.schedules import Schedule, to_csv

@@ -25,13 +25,14 @@ NAMES: Final = {
     "redesign": "the redesign",
     "earlier": "an earlier redesign",
     "other": "not the design in place",
+    "unclear": "unclear, as its feedforward is not mapped",
 }
 
 
 @dataclass(frozen=True)
 class Tried:
     """A record of motions over the specified stroke, by its file's name: the run, what it achieved, and the design that
-    made it: "current", "redesign", "earlier" (a redesign) or "other"."""
+    made it: "current", "redesign", "earlier" (a redesign), "other" or "unclear"."""
 
     name: str
     design: str
@@ -55,7 +56,9 @@ def tried(machine: Machine, given: Sequence[Given], tables: Mapping[str, str]) -
 
 def _design(machine: Machine, one: Given, run: Record, known: Mapping[str, asked.Asked]) -> str:
     if one.table is not None and one.table.kind == "redesign":
-        return "redesign" if one.table.key == known["redesign"].key else "earlier"
+        return "redesign" if asked.same(one.table, known["redesign"]) else "earlier"
+    if one.unclear:
+        return "unclear"
     followed = asked.ran(run, (known["current"],)) is not None
     return "current" if followed or _made_in_place(machine, run) else "other"
 

@@ -20,7 +20,7 @@ from models.machine_file import to_toml
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
-from studies.full_circle import asked, folder_of_records, looked, own_axis
+from studies.full_circle import asked, folder_of_records, looked, own_axis, redesigning, verification
 from studies.full_circle.__main__ import STUDY
 from studies.full_circle.folder_of_records import loaded
 from studies.full_circle.options import CircleOptions
@@ -201,6 +201,61 @@ def test_a_record_of_a_slower_log_is_known_by_its_table_and_one_that_is_too_slow
     file.write_text("".join([head, *rows[::20]]), encoding="utf-8")
     with pytest.raises(BadInputError, match=r"one of 20 of the machine's controller; .* or move .* out of --records"):
         loaded(KNOWN, options, (table,), Progress())
+
+
+def test_a_log_without_a_feedforward_is_no_run_of_one_of_two_designs_with_its_reference(
+    begun: Path, tmp_path: Path
+) -> None:
+    """The redesign compensates for another friction: its reference is that of the design in place. The finding says
+    what to do, the record is not judged, and with its feedforward it is known; so it is before there is a redesign."""
+    base = copied(begun, tmp_path)
+    options = CircleOptions(machine=base / "my.toml", records=base / "records")
+    found = replace(KNOWN, friction=replace(KNOWN.friction, limit=tuple(1.1 * one for one in KNOWN.friction.limit)))
+    tables = {"current": redesigning.current_table(KNOWN), "redesign": redesigning.current_table(found)}
+    both, redesign = ([asked.asked(kind, tables[kind]) for kind in kinds] for kinds in (tables, ("redesign",)))
+    (file,) = (base / "records").glob("strokes*.csv")
+    for kept in (both, redesign):  # whether or not the design in place was asked for
+        (one,) = loaded(KNOWN, options, kept, Progress())
+        assert not one.unclear
+        assert folder_of_records.UNCLEAR not in one.loaded.findings
+    rows = np.loadtxt(file, delimiter=",", skiprows=1)
+    rows[:, 3] = 0.0
+    np.savetxt(file, rows, delimiter=",", header=HEADER, comments="", fmt="%.10g")
+    for kept in (both, redesign):
+        (one,) = loaded(KNOWN, options, kept, Progress())
+        assert (one.role, one.table, one.loaded.findings[-1]) == ("diagnose", None, folder_of_records.UNCLEAR)
+        (judged,) = verification.tried(KNOWN, (one,), tables)
+        assert judged.design == "unclear"
+    (one,) = loaded(KNOWN, options, both[:1], Progress())
+    assert one.role == "current"
+
+
+def test_a_run_may_depart_from_its_table_by_a_hundredth_of_a_stroke_however_many_there_are() -> None:
+    """A ramp over 30 ms in place of x_T* departs by a third of a stroke."""
+    for count in (5, 100):
+        machine = replace(KNOWN, specification=replace(KNOWN.specification, motions=count))
+        one = asked.asked("redesign", redesigning.current_table(machine))
+        still, wide = 0 * one.target, round(30e-3 / machine.sample_time)
+        ramps = np.convolve(one.target, np.ones(wide) / wide)[: one.target.size]
+        off = 0.009 * machine.specification.stroke * np.sin(np.arange(one.target.size))
+        for reference, ran in ((ramps, False), (one.reference + np.where(one.reference > 0, off, 0), True)):
+            record = Record(machine.sample_time, one.target, reference, still, still, one.target)
+            assert (asked.ran(record, (one,)) is not None) == ran
+
+
+def test_a_table_that_differs_by_less_than_its_runs_may_is_the_same(begun: Path) -> None:
+    """A record beside it that moves the redesign by a thousandth does not make its run that of an earlier one."""
+    options = CircleOptions(machine=begun / "my.toml", records=begun / "records")
+    known = references_of(KNOWN, old_design(KNOWN), own_loop=True)
+
+    def of(factor: float) -> str:
+        changed = replace(known, feedforward=factor * known.feedforward, compensation=factor * known.compensation)
+        return table(judged_target(KNOWN), changed, KNOWN.sample_time)
+
+    for factor, design in ((1.001, "redesign"), (1.02, "earlier")):
+        given = loaded(KNOWN, options, (asked.asked("redesign", of(1.0)),), Progress())
+        (judged,) = verification.tried(KNOWN, given, {"current": of(3.0), "redesign": of(factor)})
+        assert judged.design == design
 
 
 def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_path: Path) -> None:
