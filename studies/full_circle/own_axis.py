@@ -89,6 +89,8 @@ def compute(machine: Machine, options: CircleOptions, progress: Progress) -> Ans
     redesign = _redesigned(circle, better, found)
     judged = tried(machine, circle.given, redesign["tables"])
     verified = verification.verified(machine, judged, redesign["shown"])
+    if verified["state"] == "rolled back":
+        redesign |= {"shown": redesigning.restored(redesign["shown"])}
     files, runs = _next(circle, found, redesign, verified)
     if known is not None:
         files["identified.toml"] = known["machine"]
@@ -321,7 +323,8 @@ def _why_further(shown: Mapping[str, Any], verified: Mapping[str, Any]) -> str:
     if any(NARROWED in text for text in shown["unmet"]):
         return "the design is not sure to meet the specification; this record narrows the parameters that decide it"
     (taken,) = (row for row in shown["designs"] if row["taken"])
-    if verified["met"] is False and keeps_to(taken["settling"]["high"], shown["specified"]["settling_s"]):
+    stays = shown["designs"][0] if verified["state"] == "rolled back" else taken
+    if verified["met"] is False and keeps_to(stays["settling"]["high"], shown["specified"]["settling_s"]):
         return "the specification is missed, though the model expects it to be met; this record tells what it lacks"
     return ""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ from design.redesign.choice import MEASURE_UNITS, Chosen, chosen
 from design.redesign.designs import Design, designed, in_place, retuned, retuned_alone
 from design.redesign.outcome import Outcome, judged_motions, judged_target
 from design.redesign.prediction import Interval, Prediction, moved_by, predicted
-from design.redesign.unmet import unmet
+from design.redesign.unmet import late_runs, unmet
 from models.controller import References
 from models.machine import Machine
 from models.records.record import Record
@@ -45,13 +45,14 @@ class Left:
 @dataclass(frozen=True)
 class Redesign:
     """All designs that were looked at, the old one first, what each is expected to achieve on the machines that could
-    be this one, which of them runs next, what it cannot meet, and the force that no model explains."""
+    be this one, which of them runs next, what it and the old one cannot meet, and the force that no model explains."""
 
     machine: Machine
     designs: tuple[Design, ...]
     predictions: tuple[Prediction, ...]
     chosen: Chosen
     unmet: tuple[str, ...]
+    unmet_in_place: tuple[str, ...]
     left: Left | None = None
 
     @property
@@ -115,9 +116,11 @@ def redesigned(
         progress(0.3 + 0.6 * number / len(designs), f"what to expect of the {one.name}")
         found.append(predicted(one, could_be, seed, left))
     taken = chosen(designs, found, better)
-    missing = unmet(taken.design, better, found[designs.index(taken.design)], seed, left)
-    told = tuple(dict.fromkeys((*missing, *notes)))
-    return Redesign(better, tuple(designs), tuple(found), taken, told, _left(left, old, better, seed))
+    told = [
+        tuple(dict.fromkeys((*unmet(one, better, found[designs.index(one)], seed, left), *notes)))
+        for one in dict.fromkeys((taken.design, old))
+    ]
+    return Redesign(better, tuple(designs), tuple(found), taken, told[0], told[-1], _left(left, old, better, seed))
 
 
 def _left(left: Sequence[Array], old: Design, better: Machine, seed: int) -> Left | None:
@@ -140,6 +143,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
                 "why_not": "" if design is old else taken.reasons.get(design.name, ""),
                 **{name: _interval(prediction.interval(name)) for name in MEASURE_UNITS},
                 "saturated": prediction.saturated,
+                "late": late_runs(prediction, found.machine),
                 "notes": list(design.notes),
             }
             for design, prediction in zip(found.designs, found.predictions, strict=True)
@@ -150,6 +154,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
         "chosen": taken.design.name,
         "gains": {name: _interval(gain) for name, gain in taken.gains.items()},
         "unmet": list(found.unmet),
+        "unmet_in_place": list(found.unmet_in_place),
         "left": found.left and {"force_N": found.left.force, "moves_m": found.left.moves},
         "specified": {
             "stroke_m": found.machine.specification.stroke,
@@ -157,6 +162,11 @@ def to_json(found: Redesign) -> dict[str, Any]:
             "settling_s": found.machine.specification.settling_time,
         },
     }
+
+
+def restored(shown: Mapping[str, Any]) -> dict[str, Any]:
+    """What the report shows of a redesign, with what the design in place cannot meet, which runs again."""
+    return {**shown, "unmet": shown["unmet_in_place"]}
 
 
 def outcome_to_json(found: Outcome | None) -> dict[str, Any] | None:

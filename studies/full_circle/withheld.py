@@ -126,13 +126,14 @@ def _redesigned(
     made = redesigning.redesigned(as_was, as_is, now.could_be, work.seed, lambda _share, _text: None, pid=beside)
     before = outcome(first, machine)
     after, why, last = _tried(work, made, first)
+    shown = redesigning.to_json(made)
     compared: dict[str, Any] = {}
     if beside:
         compared = _beside(work, as_was, within(now.refitted, limits, share), as_is)
         compared["learning"] = redesigning.outcome_to_json(learned(work, old, first, ROUND_COUNT))
     return {
         "named": now.told,
-        "redesign": redesigning.to_json(made),
+        "redesign": redesigning.restored(shown) if why else shown,
         "before": redesigning.outcome_to_json(before),
         "after": redesigning.outcome_to_json(after),
         "rolled_back": why,

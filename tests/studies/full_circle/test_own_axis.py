@@ -350,6 +350,9 @@ def test_a_design_that_turns_out_worse_is_taken_back(begun: Path, tmp_path: Path
     assert status == CHECK_MISSED
     assert results["verified"]["state"] == "rolled back"
     assert results["verified"]["worse"]
+    in_place, *_ = results["redesign"]["designs"]
+    (why,) = (text for text in results["redesign"]["unmet"] if text.startswith("settling within"))
+    assert f"{in_place['late']} of {results['redesign']['runs']} are late" in why
     assert load(out / "controller.json") == old_design(KNOWN).controller
 
 

@@ -43,8 +43,13 @@ def case(before: float, after: float, truth: float, **more: Any) -> dict[str, An
             "specified": {"settling_s": 50e-3},
             "unmet": ["because"],
             "designs": [
-                {"taken": False},
-                {"taken": True, "settling": {"low": 20e-3, "high": 30e-3}, "dispersion": {"low": 0.0, "high": 1e-6}},
+                {"taken": False, "late": 0},
+                {
+                    "taken": True,
+                    "late": 3,
+                    "settling": {"low": 20e-3, "high": 30e-3},
+                    "dispersion": {"low": 0.0, "high": 1e-6},
+                },
             ],
         },
         **more,
@@ -83,6 +88,15 @@ def test_what_is_rolled_back_is_what_a_record_shows_to_be_worse(monkeypatch: pyt
         found, why, _ = withheld._tried(work, made, None)  # type: ignore[arg-type]
         assert found is not None
         assert (found.settling, not why) == (settling, stays)
+
+
+def test_only_what_is_said_of_being_late_is_a_reason_and_of_the_design_that_runs() -> None:
+    """A remark on what is beyond the records, or a reason of the redesign that was rolled back, is none."""
+    late = case(100e-3, 60e-3, 20e-3)
+    unsaid = case(100e-3, 60e-3, 20e-3)
+    unsaid["redesign"]["designs"][1]["late"] = 0
+    rates = scoring.rates([late, unsaid, late | {"rolled_back": ["because"]}, case(100e-3, 40e-3, 20e-3)])
+    assert (rates["said_why"]["hits"], rates["said_why"]["tries"]) == (1, 3)
 
 
 def test_medians_have_an_interval_that_holds_the_true_one_and_rates_are_counted() -> None:
