@@ -35,8 +35,9 @@ THINNED: Final = 150  # points of a motion in a figure
 
 @dataclass(frozen=True)
 class Left:
-    """The force that no model explains, which acts in the predictions as it did in the records: its deviation [N], and
-    by how much it alone moves the axis under the design in place [m], both in root mean square."""
+    """The force that no model explains, which acts in the predictions as it did in the records, less each one's mean:
+    how large it is [N], and by how much it alone moves the axis under the design in place [m], both in root mean
+    square."""
 
     force: float
     moves: float
@@ -124,7 +125,10 @@ def redesigned(
 
 
 def _left(left: Sequence[Array], old: Design, better: Machine, seed: int) -> Left | None:
-    return Left(float(np.std(np.concatenate(left))), moved_by(left, old, better, seed)) if left else None
+    if not left:
+        return None
+    acting = np.concatenate([one - np.mean(one) for one in left])
+    return Left(float(np.sqrt(np.mean(acting**2))), moved_by(left, old, better, seed))
 
 
 def pid_alone(before: Machine, better: Machine) -> Design:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from design.redesign.outcome import judged_target
+from design.redesign.prediction import resampled
 from diagnosis.experiments.schedules import suite, to_csv
 from models.controller import References, load
 from models.machine import Machine
@@ -256,6 +257,16 @@ def test_a_table_that_differs_by_less_than_its_runs_may_is_the_same(begun: Path)
         given = loaded(KNOWN, options, (asked.asked("redesign", of(1.0)),), Progress())
         (judged,) = verification.tried(KNOWN, given, {"current": of(3.0), "redesign": of(factor)})
         assert judged.design == design
+
+
+def test_the_force_that_is_told_is_the_one_that_acts_whatever_the_offsets_of_its_records() -> None:
+    """Two records of one noise, whose offsets differ by twenty times its size, and are left out of what acts."""
+    records = [0.1 * np.random.default_rng(k).standard_normal(8000) + offset for k, offset in enumerate((1.0, -1.0))]
+    acting = [np.mean(resampled(records, 4000, seed) ** 2) for seed in range(50)]
+    told = redesigning._left(records, old_design(KNOWN), KNOWN, 1)
+    assert told is not None
+    assert told.force == pytest.approx(np.sqrt(np.mean(acting)), rel=0.02)
+    assert redesigning._left([], old_design(KNOWN), KNOWN, 1) is None
 
 
 def test_a_suite_leaves_room_for_the_records_that_are_there(begun: Path, tmp_path: Path) -> None:
