@@ -26,6 +26,7 @@ ROLES = {
     "redesign": "verification",
 }
 TOLD = (
+    ("settles_in_the_end", "of machines with motions that never settled and with the truth do, those where all do"),
     ("worse_when_run", "redesigns worse when run by more than 5 % and noise, or not run to their end"),
     ("inside_settling", "redesigns whose settling was in its 90 % interval"),
     ("inside_dispersion", "redesigns whose 3σ was in its 90 % interval"),
@@ -80,6 +81,8 @@ def _withheld(whole: Results) -> Report:
         "rate": _rate,
         "median": lambda values: float(np.median(values)),
         "found": course.found,
+        "settles": settles,
+        "settling": lambda one: "never" if one["never"] else filters()["show"](one["settling_s"], "s", 3),
         "number": lambda case: str(int(case.rpartition("-")[2])),
         "true": _true,
         "named": _named,

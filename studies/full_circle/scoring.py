@@ -25,11 +25,12 @@ Case = Mapping[str, Any]
 
 def recovered(case: Case, way: str, name: str) -> float | None:
     """(before - after) / (before - with the truth) [1] of "settling" or "dispersion"; None where there is nothing to be
-    gained beyond noise and RELATIVE of what there was."""
+    gained beyond noise and RELATIVE of what there was, and of settling that there never was before, as its share would
+    be larger the longer the motions were watched."""
     key = QUANTITIES[name]
     before, best = case["before"], case["truth"]
     after = case["after"] if way == "after" else case["beside"].get(way)
-    if before is None or best is None or after is None:
+    if before is None or best is None or after is None or (name == "settling" and before["never"]):
         return None
     gap = before[key] - best[key]
     least = max(2 * case["noise"][key], RELATIVE * before[key])
@@ -58,13 +59,15 @@ def _median(values: Sequence[float]) -> dict[str, float | None]:
 
 
 def rates(cases: Sequence[Case]) -> dict[str, Any]:
-    """Rates with their exact intervals: redesigns that were worse when run or could not be run to their end, within the
-    prediction's interval, reasons told. A design that is rolled back leaves its machine as it was, so that no machine
-    ends worse than its record before."""
+    """Rates with their exact intervals: machines that settle in the end, of those where motions never did and with the
+    truth do; redesigns that were worse when run or could not be run to their end; within the prediction's interval;
+    reasons told. A design that is rolled back leaves its machine as it was, so that none ends worse than before."""
     judged = [one for one in cases if one["before"] is not None]
+    stuck = [one for one in judged if one["before"]["never"] and one["truth"] is not None and not one["truth"]["never"]]
     given = [one for one in judged if not one["redesign"]["kept"]]
     tried = [one for one in judged if one["tried"] is not None]
     return {
+        "settles_in_the_end": rate_of([not one["after"]["never"] for one in stuck]).plain(),
         "worse_when_run": rate_of([bool(one["rolled_back"]) for one in given]).plain(),
         "inside_settling": rate_of([inside(one, "settling") for one in tried]).plain(),
         "inside_dispersion": rate_of([inside(one, "dispersion") for one in tried]).plain(),

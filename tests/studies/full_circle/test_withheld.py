@@ -25,8 +25,8 @@ NAMED, OFF, EXCLUDED = (6, 4), (2, 28), (5, 39)  # seed and case: one effect, pa
 QUIET = {"settling_s": 1e-3, "dispersion_m": 1e-9}
 
 
-def outcome(settling: float, dispersion: float = 1e-6) -> dict[str, float]:
-    return {"settling_s": settling, "dispersion_m": dispersion}
+def outcome(settling: float, dispersion: float = 1e-6, never: int = 0) -> dict[str, float]:
+    return {"settling_s": settling, "dispersion_m": dispersion, "never": never}
 
 
 def case(before: float, after: float, truth: float, **more: Any) -> dict[str, Any]:
@@ -62,6 +62,17 @@ def test_the_share_recovered_is_of_what_the_truth_gains() -> None:
     assert scoring.recovered(case(100e-3, 40e-3, 97e-3), "after", "settling") is None  # nothing to be gained
     assert scoring.recovered(case(100e-3, 40e-3, 20e-3), "after", "dispersion") is None
     assert scoring.recovered(case(100e-3, 40e-3, 20e-3), "pid", "settling") is None
+
+
+def test_a_settling_that_there_never_was_has_no_share_and_is_counted_apart() -> None:
+    """However long its motions were watched; where they do not settle with the truth either, nothing is to gain."""
+    stuck = [case(0.0, 40e-3, 20e-3) | {"before": outcome(watched, never=2)} for watched in (60e-3, 500e-3)]
+    still = stuck[0] | {"after": outcome(60e-3, never=1)}
+    hopeless = still | {"truth": outcome(60e-3, never=1)}
+    assert [scoring.recovered(one, "after", "settling") for one in stuck] == [None, None]
+    assert scoring.recovered(stuck[0] | {"truth": outcome(20e-3, 0.1e-6)}, "after", "dispersion") == 0.0
+    rates = scoring.rates([*stuck, still, hopeless, case(100e-3, 40e-3, 20e-3)])
+    assert (rates["settles_in_the_end"]["hits"], rates["settles_in_the_end"]["tries"]) == (2, 3)
 
 
 def test_a_redesign_that_is_rolled_back_counts_though_its_machine_ends_as_it_was() -> None:
