@@ -15,6 +15,7 @@ from models.machine import Machine
 from models.quantity import show, span
 
 WORSE: Final = 0.05  # relative, from which on a design counts as worse
+SURE: Final = 0.8  # least level of the interval of a gain that is called sure; that of fewer than 9 runs is lower
 SATURATED: Final = 0.1  # share of the runs in which a new design may ask for more than the rated thrust
 
 MEASURE_UNITS: Final = {"settling": "s", "dispersion": "m"}
@@ -35,9 +36,10 @@ class Chosen:
 def chosen(designs: Sequence[Design], predictions: Sequence[Prediction], machine: Machine) -> Chosen:
     """The design that is surely better than all before it in the list, the old one first.
 
-    Better: the whole interval of its gain, run by run on the same machines, is above 0 in settling or in 3 sigma, and
-    in neither is it worse by more than WORSE in the median, nor do more motions never settle; and it does not saturate
-    the drive in more than SATURATED of the runs, or at least in no more than the design before it.
+    Better: the whole interval of its gain, run by run on the same machines, is above 0 in settling or in 3 sigma, at a
+    level of SURE or more, and in neither is it worse by more than WORSE in the median, nor do more motions never
+    settle; and it does not saturate the drive in more than SATURATED of the runs, or at least in no more than the
+    design before it.
 
     Of two new ones around the same feedback, both surely better than the old one, a record will show one or the other,
     and neither is there yet to be kept: so the later one is also taken where it is better in both on average.
@@ -72,6 +74,9 @@ def _why_not(old: Prediction, new: Prediction, machine: Machine) -> str:
         if after > before * (1 + WORSE) + least(machine)[name]:
             return f"{CALLED[name]} gets worse, from {show(before, unit, 3)} to {show(after, unit, 3)} in the median"
     gains = {name: _gain(old, new, name) for name in MEASURE_UNITS}
+    level = gains["settling"].level
+    if level < SURE:
+        return f"its gain is not sure: {new.settling.size} simulated runs give an interval of {level:.0%} only"
     if any(gain.low > 0 for gain in gains.values()):
         return ""
     told = " and ".join(

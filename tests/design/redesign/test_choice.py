@@ -38,6 +38,16 @@ def test_one_that_is_better_in_the_median_alone_is_not() -> None:
     assert "its gain is not sure" in found.reasons["first"]
 
 
+def test_a_gain_on_too_few_machines_for_its_interval_is_not_sure() -> None:
+    """One machine leaves no interval at all, eight one of 78 %, nine one of 80 %."""
+    designs = [replace(OLD, name=name) for name in ("old", "new")]
+    for count, kept in ((1, True), (8, True), (9, False)):
+        before = Prediction(SETTLING[:count], DISPERSION[:count])
+        found = chosen(designs, (before, replace(before, settling=before.settling - 10e-3)), KNOWN)
+        assert found.kept == kept
+        assert ("simulated runs give an interval of" in found.reasons.get("new", "")) == kept
+
+
 def test_what_one_quantity_gains_the_other_must_not_lose() -> None:
     found = among(Prediction(SETTLING - 10e-3, 1.5 * DISPERSION))
     assert found.kept
