@@ -1,12 +1,13 @@
 """The rules by which an answer is scored, fixed before any key is opened.
 
 An answer names effects if its outcome is `attributed` or `ambiguous`. They form groups: an effect together with those
-stated to be equivalent to it; `ambiguous` without stated groups is one group. A group of more than three counts as
-naming nothing. The answer to a single effect is right if it has one group, which holds the effect: any further group
-is a false positive. The answer to two effects is right if both are named, each by a group of its own or by name, and
-nothing else. With an out-of-catalogue effect, or a disabled entry, only the outcome `none_of_these` is right. In a
-table without an effect, or with wrong nominal parameters only, naming any effect is a false positive. Whether an effect
-is identifiable is decided by the distance that the sealer computed and sealed with the label.
+stated to be equivalent to it; `ambiguous` without stated groups is one group. A group of more than three makes no
+answer right. A group that holds none of the table's effects is a false positive, however large it is. The answer to a
+single effect is right if it has one group, which holds the effect. The answer to two effects is right if both are
+named, each by a group of its own or by name, and nothing else. With an out-of-catalogue effect, or a disabled entry,
+only the outcome `none_of_these` is right, and naming any effect is a false positive, as it is in a table without an
+effect or with wrong nominal parameters only. Whether an effect is identifiable is decided by the distance that the
+sealer computed and sealed with the label.
 """
 
 from __future__ import annotations
