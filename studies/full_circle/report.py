@@ -32,7 +32,10 @@ TOLD = (
     ("inside_dispersion", "redesigns whose 3σ was in its 90 % interval"),
     ("said_why", "of what ends late, said with a reason"),
 )
-MACHINES = "Every machine before and after{truth}. Dashed: the specification, and what was before."
+MACHINES = (
+    "Every machine before and after{truth}. Dashed: the specification, and what was before. A motion that never "
+    "settles counts as long as it lasted."
+)
 SHARES = (
     "The share recovered on each machine, and the median (bar), by the redesign and by what is simpler. What is beyond "
     "-1 or 1.5 is drawn there."
