@@ -64,14 +64,15 @@ def kept(folder: Path) -> tuple[Asked, ...]:
 
 
 def ran(record: Record, tables: Sequence[Asked]) -> tuple[Asked, Record] | None:
-    """The table that a record is a run of, and the part of it that is that run, with the table's target; None where it
-    is a run of none, or it is unclear of which. A log may begin before the table does, and hold no target or
-    feedforward."""
+    """The table that a record is a run of, and the part of it that is that run, with the table's target from where the
+    axis stood; None where it is a run of none, or it is unclear of which. A log may begin before the table does, and
+    hold no target or feedforward."""
     near = _near(record, tables)
     if not near or _several(near):
         return None
     one, part = near[0]
-    return one, replace(part, target=one.target[: part.position.size].copy())
+    begin = part.reference[0] - one.reference[0]
+    return one, replace(part, target=begin + one.target[: part.position.size])
 
 
 def unclear(record: Record, tables: Sequence[Asked]) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from design.redesign.outcome import judged_target
+from design.redesign.outcome import judged_target, outcome
 from design.redesign.prediction import resampled
 from diagnosis.experiments.schedules import suite, to_csv
 from models.controller import References, load
@@ -422,5 +422,15 @@ def test_a_record_is_known_by_the_table_that_it_followed() -> None:
     again = asked.ran(unnamed, (other, one))
     assert again is not None
     np.testing.assert_array_equal(again[1].target, one.target)
+    away = 3e-3  # m: the axis stands there when the run begins, which the table has as 0
+    elsewhere = replace(unnamed, position=run.position + away, reference=run.reference + away)
+    there = asked.ran(elsewhere, (other, one))
+    assert there is not None
+    here, moved = (outcome(found[1], machine) for found in (again, there))
+    assert here is not None
+    assert moved is not None
+    assert (moved.motions, moved.never) == (here.motions, here.never)
+    assert moved.settling == here.settling
+    assert moved.dispersion == pytest.approx(here.dispersion, abs=1e-12)
     assert asked.ran(replace(run, reference=1.5 * run.reference), (other, one)) is None
     assert asked.ran(run.part(0, 3000), (other, one)) is None
