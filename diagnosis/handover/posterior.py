@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, Spread, machine_of
-from diagnosis.model.fit import Fit, bounds_of, coordinates, with_coordinates
+from diagnosis.handover.gate import File
+from diagnosis.model.fit import Fit, bounds_of, coordinates, fit, with_coordinates
 from diagnosis.model.parameters import TOLERANCES, bounded
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.roughness import variance_by_record
@@ -45,21 +46,33 @@ def machines_allowed(diagnosis: Diagnosis, count: int, seed: int = 0) -> tuple[M
 
     Where the file is the machine as delivered, the draws are of the re-fit, which says what the records leave open.
     """
-    handover, nominal = diagnosis.how_far.handover, diagnosis.baseline.machine
-    adopted = handover.adopted if handover.adopted.finished is not None else handover.named(Content.REFITTED)
-    fitted = diagnosis.baseline.nominal if adopted is None or adopted.finished is None else adopted.finished.fitted
-    found = drawn(fitted, diagnosis.baseline.segment, count, seed)
+    nominal = diagnosis.baseline.machine
+    found = drawn(_fitted_file(diagnosis).fitted, diagnosis.baseline.segment, count, seed)
     return tuple(replace(machine_of(nominal, one), name=nominal.name) for one in found)
 
 
 def unexplained_force(diagnosis: Diagnosis) -> tuple[Array, ...]:
-    """The force (n,) [N] that the file which was handed over lacks, by record, where a record leaves far more than its
-    weights promise; else none, as the runs of a design have the scale's noise of their own."""
-    baseline, file = diagnosis.baseline, diagnosis.how_far.handover.adopted.judged.candidate
-    if np.max(variance_by_record(diagnosis.final)) <= baseline.criteria.rough_variance:
+    """The force (n,) [N] that the file lacks around which `machines_allowed` draws, by record, where it leaves far more
+    of a record than the weights promise; else none, as the runs of a design have the scale's noise of their own. The
+    weights are those of the search: the file was fitted beside a white force as large as what it leaves, by which
+    everything is noise."""
+    baseline, file = diagnosis.baseline, _fitted_file(diagnosis).judged.candidate
+    records, paths = baseline.records, smooth(file, baseline.records)
+    weighed = replace(file, roughness=baseline.nominal.candidate.roughness)
+    left = fit(weighed, records, paths=paths, iterations=0, walk=baseline.nominal.walk)
+    if np.max(variance_by_record(left)) <= baseline.criteria.rough_variance:
         return ()
-    left = unknown_force(file, baseline.records, smooth(file, baseline.records))
-    return tuple(one[~np.isnan(one)] for one in left)
+    return tuple(one[~np.isnan(one)] for one in unknown_force(file, records, paths))
+
+
+def _fitted_file(diagnosis: Diagnosis) -> File:
+    """The file that was handed over or, where that is the machine as delivered, the re-fitted one. Raises ValueError
+    where there is none."""
+    handover = diagnosis.how_far.handover
+    for file in (handover.adopted, handover.named(Content.REFITTED)):
+        if file is not None and file.finished is not None:
+            return file
+    raise ValueError("no file has a fit")
 
 
 def spreads(fitted: Fit, segment: NDArray[np.int64] | None = None) -> dict[str, Spread]:

@@ -191,9 +191,10 @@ def test_the_file_of_a_lag_near_none_tells_the_sum_that_is_sure(nothing: Fit) ->
 
 def test_the_force_that_a_wind_leaves_is_given_on_and_none_where_the_weights_hold() -> None:
     def left(records: Sequence[Record], fit: Fit) -> tuple[NDArray[np.float64], ...]:
-        handover = SimpleNamespace(adopted=SimpleNamespace(judged=SimpleNamespace(candidate=fit.candidate)))
-        baseline = SimpleNamespace(records=records, criteria=Criteria())
-        found: Any = SimpleNamespace(final=fit, baseline=baseline, how_far=SimpleNamespace(handover=handover))
+        file = SimpleNamespace(judged=SimpleNamespace(candidate=fit.candidate), finished=fit)
+        handover = SimpleNamespace(adopted=file, named=lambda _: None)
+        baseline = SimpleNamespace(records=records, criteria=Criteria(), nominal=fit)
+        found: Any = SimpleNamespace(baseline=baseline, how_far=SimpleNamespace(handover=handover))
         return unexplained_force(found)
 
     records, fit = windy(0)

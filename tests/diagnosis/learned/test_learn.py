@@ -17,12 +17,15 @@ from diagnosis.closure import NoiseFloor, held_out_closure
 from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnosed, to_json
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.handover.files import Content
+from diagnosis.handover.posterior import unexplained_force
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
 from diagnosis.learned.curves_tried import coordinate_values
 from diagnosis.learned.learn import Learned, learned, little_judged, objection
 from diagnosis.learned.left_out import Judgement
+from diagnosis.model.roughness import variance_by_record
 from diagnosis.null import Null
 from diagnosis.records.motions import MotionKind, pieces
 from diagnosis.records.units import loop_time, units, with_units
@@ -110,6 +113,20 @@ def test_the_file_with_it_improves_the_closed_loop(found: Diagnosis) -> None:
     files = {file.name: file.held_out.gap() for file in found.how_far.handover.files}
     assert files["measured law"].force < 0.2 * files["re-fitted"].force
     assert files["measured law"].position < 0.6 * files["re-fitted"].position
+
+
+def test_the_force_that_predictions_lack_is_that_of_the_file_which_is_handed_over(found: Diagnosis) -> None:
+    """It had been asked of the search, whose last model has no law: the noise of the smoother was told as a force. And
+    a file that leaves a force leaves none beside the white force that its own fit makes of it."""
+    assert np.max(variance_by_record(found.final)) > Criteria().rough_variance
+    assert unexplained_force(found) == ()
+    handover = found.how_far.handover
+    refitted = handover.named(Content.REFITTED)
+    assert refitted is not None
+    assert np.max(variance_by_record(refitted.fitted)) < Criteria().rough_variance
+    without_law = replace(found, how_far=replace(found.how_far, handover=replace(handover, adopted=refitted)))
+    (left,) = unexplained_force(without_law)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(refitted.gap.force, rel=1e-6)
 
 
 def test_a_machine_that_has_it_has_no_gap_left(found: Diagnosis, baseline: Baseline) -> None:
