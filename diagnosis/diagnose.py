@@ -274,9 +274,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         if spring := as_spring(curve, answer, pruned, baseline):
             return _diagnosis(spring, pruned, baseline, replace(curve, reason=""))
         unknown = curve if outcome is Outcome.NONE else None
-    law = unknown.fitted if known is None and unknown is not None and not unknown.reason else None
-    far = how_far(stages, outcome, closure.floor, baseline, law)
-    if far.interval[1] <= 0:  # what surely takes nothing off the gap resembles it in no part
+    far = how_far(stages, outcome, closure.floor, baseline, unknown)
+    if far.effects_interval[1] <= 0:  # what surely takes nothing off the gap resembles it in no part
         partly = ()
     final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it
@@ -294,7 +293,8 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
         names = wrong_values(stages[0].fitted, criteria, far.floor.force)
     shares = _shares(pruned.shares, (*names, *partly), parts) if known is None else {names[0]: 1.0}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
-    unexplained = 0.0 if without_effects else float(np.clip(1 - closure.closure, 0.0, 1.0))
+    closed = far.closure if far.handover.adopted.name == Content.MEASURED else closure.closure
+    unexplained = 0.0 if without_effects else float(np.clip(1 - closed, 0.0, 1.0))
     found = {name: answer.forms.get(name, Form.CATALOGUE) for name in names if outcome in NAMED}
     others = [name for name, form in found.items() if form is Form.OTHER]
     curves = _curves(others, stages[-1].fitted, baseline) if known is None else {names[0]: known.curve()}

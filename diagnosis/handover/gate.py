@@ -7,7 +7,8 @@ by more than chance in any of the three is not adopted, unless it is no worse th
 the simpler one in both force and position (settling is when a few motions cross a threshold, the others are of all
 samples), or surely leaves less than half of one of the two and hardly more of the other: a mode that is missing makes
 the position, while the force is mostly the scale's noise.
-A law that was learned, for which nothing speaks but that it fits, has to be surely better in force or position.
+A law that was learned, for which nothing speaks but that it fits, has to be surely better in force or position; its
+table is fitted without the same motions as the values are, while its coordinate and its smoothness are those of all.
 Chance is told by drawing motions, the same for both (a paired bootstrap: B. Efron, R. Tibshirani, An Introduction to
 the Bootstrap, 1993, section 8.3).
 """
@@ -26,7 +27,8 @@ from diagnosis.closure import simulated_records
 from diagnosis.handover.files import Content, JudgedFile, judged_file, machine_of, starts_of
 from diagnosis.handover.final_fit import Finished
 from diagnosis.how_far import Errors, Gap, errors_of
-from diagnosis.model.fit import Fit, without
+from diagnosis.learned.learn import Learned
+from diagnosis.model.fit import Fit, fit, without
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, SmoothedPath, smooth
 from diagnosis.refit import CALLED
@@ -254,11 +256,12 @@ def is_right(file: File, baseline: Baseline, seed: int) -> bool:
     )
 
 
-def with_fit(name: str, finished: Finished, baseline: Baseline) -> File:
-    """The file of a finished fit, judged on its records and on motions that were left out of it."""
+def with_fit(name: str, finished: Finished, baseline: Baseline, law: Learned | None = None) -> File:
+    """The file of a finished fit, judged on its records and on motions that were left out of it, and of the learned law
+    that it may have."""
     file = file_of(finished.candidate, baseline.machine)
     left = _errors(file.candidate, baseline, smooth(file.candidate, baseline.records))
-    return File(name, file, left.gap(), held_out(finished, baseline), finished)
+    return File(name, file, left.gap(), held_out(finished, baseline, law), finished)
 
 
 def file_of(candidate: Candidate, nominal: Machine, starts: Sequence[Array] | None = None) -> JudgedFile:
@@ -267,17 +270,28 @@ def file_of(candidate: Candidate, nominal: Machine, starts: Sequence[Array] | No
     return judged_file(machine_of(nominal, candidate), starts or starts_of(candidate), candidate.random_forces)
 
 
-def held_out(finished: Finished, baseline: Baseline) -> Sums:
-    """The errors by motion of files that were fitted without these motions."""
+def held_out(finished: Finished, baseline: Baseline, law: Learned | None = None) -> Sums:
+    """The errors by motion of files that were fitted without these motions, a learned law in them included."""
     segment = baseline.segment
     part, starts = parts(int(segment.max()) + 1), starts_of(finished.candidate)
 
     def of_part(number: int) -> Sums:
-        candidate = without(finished.fitted, baseline.records, part[segment] == number)
-        file = file_of(candidate, baseline.machine, starts)
+        out = part == number
+        fitted = _with_law_of(~out, law, finished.fitted, baseline)
+        file = file_of(without(fitted, baseline.records, out[segment]), baseline.machine, starts)
         return sums(_errors(file.candidate, baseline, finished.fitted.paths), baseline)
 
     return _by_part(of_part, part)
+
+
+def _with_law_of(motions: NDArray[np.bool_], law: Learned | None, fitted: Fit, baseline: Baseline) -> Fit:
+    """The fit with the table of the learned law that these motions (m,) alone give, if it has the law."""
+    effects = fitted.candidate.effects
+    if law is None or law.law not in effects:
+        return fitted
+    other = law.fitted_to(motions, baseline)
+    candidate = replace(fitted.candidate, effects=tuple(other if one == law.law else one for one in effects))
+    return fit(candidate, baseline.records, paths=fitted.paths, iterations=0, walk=fitted.walk)
 
 
 def _by_part(of_part: Callable[[int], Sums], part: NDArray[np.int64]) -> Sums:

@@ -28,8 +28,8 @@ from diagnosis.handover.gate import (
 )
 from diagnosis.handover.transfer import Transfer, transferred
 from diagnosis.how_far import Gap, errors_of
+from diagnosis.learned.learn import Learned
 from diagnosis.model.at_bounds import AtBound
-from diagnosis.model.fit import Fit
 from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import rms
 from diagnosis.verdict import Outcome
@@ -94,15 +94,17 @@ def closure_share(before: Array | float, after: Array | float, floor: float, ran
 @dataclass(frozen=True)
 class HowFar:
     """The gaps by stage, in order, each with what was added; the floor and where it is from: "simulated" or "repeats";
-    the closure, its 95 % interval [1] and the terms that it is computed from; the file that is handed over, among those
-    that were judged; the drive's force (rms) [N]; values at bounds of the last file; transfer: between the records,
-    where there are several."""
+    the closure, its 95 % interval [1] and the terms that it is computed from; that interval of the search's effects,
+    where a measured law is handed over in their place; the file that is handed over, among those that were judged; the
+    drive's force (rms) [N]; values at bounds of the last file; transfer: between the records, where there are
+    several."""
 
     stages: tuple[tuple[str, Gap], ...]
     floor: Gap
     source: str
     terms: Terms
     interval: tuple[float, float]
+    effects_interval: tuple[float, float]
     handover: Handover
     drive: float
     widened: tuple[AtBound, ...] = ()
@@ -167,10 +169,11 @@ def _bound(one: AtBound) -> dict[str, Any]:
 
 
 def how_far(
-    stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseline: Baseline, law: Fit | None = None
+    stages: Sequence[Stage], outcome: Outcome, floor: NoiseFloor, baseline: Baseline, law: Learned | None = None
 ) -> HowFar:
     """The files of the machine as delivered, re-fitted and with the effects of the stages; which is handed over. law: a
-    fit with a measured law, which is then handed over in place of effects if it does no harm [SI]."""
+    learned one, in the stages under a name, or, where nothing has a name, to be handed over in place of effects if
+    motions that were not used agree and it does no harm [SI]."""
     records = baseline.records
     fits = [finished(stages[0].fitted, records)]
     if len(stages) > 1:
@@ -180,24 +183,36 @@ def how_far(
         fits, transfer = transferred(fits, baseline)
     delivered = as_delivered(baseline, starts_of(fits[0].candidate))
     names = (Content.REFITTED, Content.EFFECTS)
-    files = [with_fit(name, one, baseline) for name, one in zip(names, fits, strict=False)]
+    files = [with_fit(name, one, baseline, law) for name, one in zip(names, fits, strict=False)]
     if outcome is Outcome.NOTHING:
         handover = Handover(delivered, (delivered, *files))
     else:
-        learned = [] if law is None else [with_fit(Content.MEASURED, finished(law, records), baseline)]
-        handover = _gated(delivered, files, learned, baseline, outcome)
-    named = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap), *_between(stages, baseline)]
-    if len(files) > 1:
-        named.append((f"{stages[-1].added}", files[-1].gap))
+        handover = _gated(delivered, files, _learned(law, outcome, baseline), baseline, outcome)
+    named: list[tuple[str, Gap]] = [(Content.DELIVERED, delivered.gap), (Content.REFITTED, files[0].gap)]
     motions = np.bincount(baseline.segment[floor.known], minlength=len(baseline.pieces)) > 0
     first, then, last = (_of(file.held_out, motions) for file in (delivered, files[0], files[-1]))
-    terms, interval = closure_terms(
-        (first, then, last), floor.gap(), floor.random_force(), rough=stages[-1].fitted.candidate.rough
-    )
+    rough = stages[-1].fitted.candidate.rough
+    of_effects = closure_terms((first, then, last), floor.gap(), floor.random_force(), rough=rough)
+    terms, interval = of_effects
+    if handover.adopted.name == Content.MEASURED:
+        named.append((Content.MEASURED, handover.adopted.gap))
+        sums_with_law = first, then, _of(handover.adopted.held_out, motions)
+        terms, interval = closure_terms(sums_with_law, floor.gap(), rough=rough)
+    elif len(files) > 1:
+        named += [*_between(stages, baseline), (f"{stages[-1].added}", files[-1].gap)]
     drive = rms([record.command * baseline.machine.plant.thrust_constant for record in records])
     behind = handover.adopted.finished or fits[-1]  # bounds of a law that is in no file tell nothing
     at = behind.widened, behind.at_bound
-    return HowFar(tuple(named), floor.gap(), floor.source, terms, interval, handover, drive, *at, transfer)
+    return HowFar(
+        tuple(named), floor.gap(), floor.source, terms, interval, of_effects[1], handover, drive, *at, transfer
+    )
+
+
+def _learned(law: Learned | None, outcome: Outcome, baseline: Baseline) -> list[File]:
+    """The file with a learned law that has no name, where there is one that motions which were not used confirm."""
+    if outcome is not Outcome.NONE or law is None or law.fitted is None or law.reason:
+        return []
+    return [with_fit(Content.MEASURED, finished(law.fitted, baseline.records), baseline, law)]
 
 
 def _gated(

@@ -16,6 +16,7 @@ from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_forc
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.records.units import noise
+from diagnosis.where.coordinates import by_motion
 from diagnosis.where.energy import bootstrap_counts, interval_ends
 from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
@@ -31,7 +32,8 @@ ITERATIONS: Final = 4  # of a fit with the law in it
 class Learned:
     """A law without a name: its table, the low and the high end of its band at the knots (K,) [N], how it does on types
     of motion that were not used, and the model with it. reason: why it may not go into a machine without a name; empty
-    if it may. by_force: whether it was judged by the unknown force, as innovations hardly show it."""
+    if it may. by_force: whether it was judged by the unknown force, as innovations hardly show it. choice: of the curve
+    that is in the model, beside which its forces were fitted."""
 
     law: Measured | None
     low: Array
@@ -40,6 +42,13 @@ class Learned:
     fitted: Fit | None
     reason: str = ""
     by_force: bool = False
+    choice: Choice | None = None
+
+    def fitted_to(self, motions: NDArray[np.bool_], baseline: Baseline) -> Measured:
+        """The table whose forces are fitted to these motions (m,) alone (SI). Raises ValueError where there is none."""
+        if self.choice is None:
+            raise ValueError("no law is in the model")
+        return _law(self.choice.test.curve, self.choice.test.trained(motions, self.choice.smoothness), baseline)
 
     def pulls_back(self, most_rise: float) -> bool:
         """Whether it is a force over the position that surely falls, and within its band nowhere rises by more than a
@@ -124,13 +133,12 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
     judged = judgement(tests, above, baseline.segment, kind, names)
     choice = chosen(tests, kind, types)
     low, high = _band(choice, kind.size, baseline)
-    reason, fitted = objection(judged, criteria), None
+    reason, fitted, inside = objection(judged, criteria), None, None
     if not reason or little_judged(judged, criteria):
-        fitted, law = _in_the_model(choice, begin, baseline)
-    else:
-        law = _law(choice.test.curve, _of_all(choice), baseline)
+        fitted, inside = in_the_model(choice, begin, baseline)
+    law = _law(choice.test.curve, _of_all(inside or choice), baseline)
     force = np.array(law.force)
-    return Learned(law, force + low, force + high, judged, fitted, reason, by_force)
+    return Learned(law, force + low, force + high, judged, fitted, reason, by_force, inside)
 
 
 def _surely_above(above: Array, floor: NoiseFloor, criteria: Criteria) -> bool:
@@ -185,20 +193,20 @@ def _whitened(floor: NoiseFloor, fitted: Fit, baseline: Baseline) -> Array:
     return np.where(np.isnan(square), usual, square) * counts
 
 
-def _in_the_model(choice: Choice, begin: Fit, baseline: Baseline) -> tuple[Fit, Measured]:
-    """The model with the law in it, both fitted in turn, as nominal values had taken up a part of the law. What nominal
-    values do is as it was without the law: beside one that turns with the friction, a change of the friction's level
-    takes the law with it and a change of all elements does not, so that together they would do what the law does."""
+def in_the_model(choice: Choice, begin: Fit, baseline: Baseline) -> tuple[Fit, Choice]:
+    """The model with the law in it, both fitted in turn, as nominal values had taken up a part of the law; and the
+    choice with its sums there. What nominal values do is as it was without the law: beside one that turns with the
+    friction, a change of the friction's level takes the law with it and a change of all elements does not, so that
+    together they would do what the law does."""
     curve = choice.test.curve
     force = _of_all(choice)
     fitted = _with_law(curve, force, begin, baseline)
     plain = replace(fitted, slopes=begin.slopes, effect_jacobian=begin.effect_jacobian)
     projection = partial_out(plain, baseline.segment)
     columns = columns_of(curve, fitted, baseline, projection)
-    gram = columns.T @ columns
-    force = solved(curve, gram, columns.T @ projection.e - gram @ force, choice.smoothness)
-    law = _law(curve, force, baseline)
-    return _with_law(curve, force, begin, baseline), law
+    grams, slopes = by_motion(columns, projection.e, baseline.segment)
+    inside = replace(choice, test=replace(choice.test, grams=grams, slopes=slopes - grams @ force))
+    return _with_law(curve, _of_all(inside), begin, baseline), inside
 
 
 def _of_all(choice: Choice) -> Array:

@@ -13,7 +13,6 @@ from diagnosis.model.kalman import STARTING
 from models.quantity import show
 from reports import style
 from reports.units import force_unit, length_unit, time_unit
-from studies.gap_diagnosis import unknown_law
 from studies.gap_diagnosis.unknown_law import OVER
 from studies.wording import effect
 
@@ -33,9 +32,6 @@ def waterfall(whole: Results) -> Drawing:
     """Force, position and settling stage by stage, with floor and ceiling."""
     far, ceiling = whole["results"]["how_far"], whole["results"]["where"]["details"]["ceiling"]["share"]
     stages = far["stages"]
-    if unknown_law.is_the_answer(whole["results"]):
-        (law,) = (one["on_records"] for one in far["files"] if one["file"] == far["adopted_file"])
-        stages = [*stages[:2], {"added": "measured_law", **law}]
     names = _stages([stage["added"] for stage in stages])
     known = [part for part in GAPS if any(stage[part[0]] is not None for stage in stages)]
     figure, axes = style.subplots(1, len(known), 34 + 7 * len(stages), sharey=True)

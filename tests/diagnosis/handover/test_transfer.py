@@ -117,7 +117,7 @@ def test_a_file_without_the_effects_of_single_records_takes_no_name_back(
     shown = Transfer((), (value, replace(value, part="nominal", name="offset", kept_out=False)))
     terms = Terms(0.1, 0.0036, 0.0036, 0.0011)
     gap = Gap(1.0, 1.0, None)
-    far = HowFar((), gap, "simulated", terms, (-0.004, 0.0004), unused, 1.0, transfer=shown)
+    far = HowFar((), gap, "simulated", terms, (-0.004, 0.0004), (-0.004, 0.0004), unused, 1.0, transfer=shown)
     assert far.left_out == (("cogging",) if kept_out else ())
     fitted: Any = SimpleNamespace(candidate=ripple)
     closure = Closure(0.94, (0.89, 0.97), excess, unused, by_force=by_force)
@@ -140,7 +140,7 @@ def test_where_nothing_is_left_a_file_that_surely_closes_next_to_nothing_takes_a
         (DacQuantisation.typical(), 0.11, False),
     ):
         fitted: Any = SimpleNamespace(candidate=Candidate(layout, np.zeros(layout.count), (effect,)))
-        far = HowFar((), Gap(1.0, 1.0, None), "simulated", terms, (-0.14, high), unused, 1.0)
+        far = HowFar((), Gap(1.0, 1.0, None), "simulated", terms, (-0.14, high), (-0.14, high), unused, 1.0)
         assert is_withdrawn((effect.name,), fitted, closure, far, Criteria()) == back
 
 
@@ -157,7 +157,7 @@ def test_on_a_rough_drive_a_name_stands_only_if_it_surely_closes_beside_a_plant_
     rough = Candidate(layout, theta, (Cogging(1.0, 0.0025, 1.0),), roughness=(100.0,))
     unused: Any = None
     terms = Terms(0.1, 0.09, 0.03, 0.0011, measure="force")
-    far = HowFar((), Gap(1.0, 1.0, None), "repeats", terms, (low, 1.0), unused, 1.0)
+    far = HowFar((), Gap(1.0, 1.0, None), "repeats", terms, (low, 1.0), (low, 1.0), unused, 1.0)
     fitted: Any = SimpleNamespace(candidate=rough)
     closure = Closure(0.94, (0.89, 0.97), 0.5, unused)
     assert is_withdrawn(("cogging",), fitted, closure, far, Criteria()) == back

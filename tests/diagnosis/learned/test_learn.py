@@ -18,19 +18,22 @@ from diagnosis.criteria import Criteria
 from diagnosis.diagnose import Diagnosis, diagnosed, to_json
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
 from diagnosis.handover.files import Content
+from diagnosis.handover.final_fit import finished
+from diagnosis.handover.gate import held_out
 from diagnosis.handover.posterior import unexplained_force
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
 from diagnosis.learned import learn
-from diagnosis.learned.curves_tried import coordinate_values
-from diagnosis.learned.learn import Learned, learned, little_judged, objection
-from diagnosis.learned.left_out import Judgement
+from diagnosis.learned.curves_tried import Curve, coordinate_values
+from diagnosis.learned.learn import Learned, columns_of, in_the_model, learned, little_judged, objection
+from diagnosis.learned.left_out import Choice, Judgement, summed
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.null import Null
 from diagnosis.records.motions import MotionKind, pieces
 from diagnosis.records.units import loop_time, units, with_units
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
+from diagnosis.which.scan import partial_out
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
 from models.effects.catalogue import looked_for
@@ -113,6 +116,45 @@ def test_the_file_with_it_improves_the_closed_loop(found: Diagnosis) -> None:
     files = {file.name: file.held_out.gap() for file in found.how_far.handover.files}
     assert files["measured law"].force < 0.2 * files["re-fitted"].force
     assert files["measured law"].position < 0.6 * files["re-fitted"].position
+
+
+def test_how_far_is_told_of_the_file_with_the_law(found: Diagnosis) -> None:
+    """It was told of the search, which has no effect: of a gap that goes from 0.51 to 0.02 N, all was left."""
+    told = to_json(found)
+    far, terms = told["how_far"], told["how_far"]["closure_terms"]
+    assert far["adopted_file"] == far["stages"][-1]["added"] == "measured law"
+    assert far["gap_after"] == far["gap_improved"]
+    files = {one["file"]: one["held_out"]["force_N"] for one in far["files"]}
+    assert (terms["refitted"], terms["after"]) == (files["re-fitted"], files["measured law"])
+    r, e, f = (terms[name] ** 2 for name in ("refitted", "after", "floor"))
+    assert far["closure"] == pytest.approx((r - e) / (r - f))
+    assert far["closure"] > 0.9
+    assert far["closure_interval"][0] <= far["closure"] <= far["closure_interval"][1]
+    assert told["verdict"]["unexplained_fraction"] == pytest.approx(1 - far["closure"])
+
+
+def test_the_law_is_judged_on_motions_that_its_table_has_not_seen() -> None:
+    """A curve through the noise of a healthy table: its table had been the same for all motions that were left out."""
+    records = recorded(MACHINE, (PLAN,), [], seed=5)
+    machine = with_units(MACHINE, records)
+    nominal = refit_within(machine, records)
+    healthy = Baseline(nominal, records, pieces(records, loop_time(machine)), NULL)
+    time = np.concatenate([np.arange(one.position.size) * one.sample_time for one in records])
+    knots = np.linspace(0.0, time[-1], 150)
+    hats = np.column_stack([np.interp(time, knots, row) for row in np.eye(knots.size)])
+    curve, kind = Curve(Measured("time", tuple(knots), (0.0,) * knots.size), hats), np.zeros(len(healthy.pieces), int)
+    projection = partial_out(nominal, healthy.segment)
+    columns = columns_of(curve, nominal, healthy, projection)
+    test = summed(curve, columns, projection.e, healthy.segment, kind)
+    fitted, inside = in_the_model(Choice(test, 1e-6, 0.0), nominal, healthy)
+    everything = np.ones(kind.size, bool)
+    through = Learned(None, knots, knots, None, fitted, choice=inside)
+    law = replace(through, law=through.fitted_to(everything, healthy))
+    assert law.law in fitted.candidate.effects
+    made, plain = finished(fitted, records), finished(nominal, records)
+    without_law = held_out(plain, healthy).gap().force
+    assert held_out(made, healthy).gap().force < 0.97 * without_law  # as it was
+    assert held_out(made, healthy, law).gap().force >= 0.995 * without_law
 
 
 def test_the_force_that_predictions_lack_is_that_of_the_file_which_is_handed_over(found: Diagnosis) -> None:

@@ -54,7 +54,8 @@ def test_a_law_that_is_handed_over_comes_before_what_it_resembles(results: dict[
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": ["cogging"]}
     gap = {"force_N": 0.0208, "position_m": 28e-9, "settling_s": None}
     files = [*results["how_far"]["files"][:2], {"file": "measured law", "on_records": gap, "held_out": gap}]
-    far = {**results["how_far"], "adopted_file": "measured law", "files": files, "harms": []}
+    stages = [*results["how_far"]["stages"][:2], {"added": "measured law", **gap}]
+    far = {**results["how_far"], "adopted_file": "measured law", "files": files, "harms": [], "stages": stages}
     whole = {**results, "verdict": verdict, "how_far": far, "learned": LEARNED}
     told, page = sentences(whole), front(whole)
     assert told["outcome"] == (
@@ -64,7 +65,8 @@ def test_a_law_that_is_handed_over_comes_before_what_it_resembles(results: dict[
     assert "and with the measured law 0.0208 N" in told["how_far"]
     assert "With the measured law 0.021 N and 28 nm of position are left on motions held out." in page["how_far"]
     assert told["how_far"].count("With the measured law") == 1
-    figures.waterfall({"results": whole})
+    axes = figures.waterfall({"results": whole}).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()][2:] == ["with measured law"]
     refused = {**whole, "how_far": {**results["how_far"], "adopted_file": "re-fitted"}}
     assert sentences(refused)["outcome"].endswith("in part it resembles cogging")
 
