@@ -210,18 +210,27 @@ def _where_it_bends(knots: Sequence[float], values: Array, force: Array) -> list
     return [float(knot) for knot in np.interp(np.linspace(0.0, 1.0, len(knots)), share, ends)]
 
 
-def shortlisted(fitted: Fit, records: Sequence[Record], motion: Integers, kind: Integers) -> list[Curve]:
-    """The curves that explain the most of the smoothed unknown force on kinds of motion left out, best first.
+def shortlists(
+    fitted: Fit, records: Sequence[Record], motion: Integers, kind: Integers, types: Sequence[int]
+) -> dict[int | None, list[Curve]]:
+    """The curves that explain the most of the smoothed unknown force on kinds of motion left out in turn, best first:
+    of all motions under None, and under each of the `types` without its motions. Empty where no curve explains any of
+    the force; where none does without a type, the first of all stands for it.
 
     motion (n,): of each sample; kind: of each motion [-]. It is a shortlist: the smoother rounds what is quick off.
     """
     force, used = unknown_less_mean(fitted, records)
-    found: list[tuple[float, Curve]] = []
-    for one in curves(fitted, records):
-        grams, slopes = by_motion(one.acting(fitted) * used[:, None], force, motion)
-        found.append((float(held_out(grams, slopes, kind)[0].sum()), one))
-    found.sort(key=lambda pair: -pair[0])
-    return [one for gain, one in found[:SHORTLIST] if gain > 0]
+    tried = list(curves(fitted, records))
+    sums = [by_motion(one.acting(fitted) * used[:, None], force, motion) for one in tried]
+
+    def best(out: int | None) -> list[Curve]:
+        among = kind != out
+        gains = [float(held_out(grams[among], slopes[among], kind[among])[0].sum()) for grams, slopes in sums]
+        order = sorted(range(len(tried)), key=lambda i: -gains[i])[:SHORTLIST]
+        return [tried[i] for i in order if gains[i] > 0]
+
+    of_all = best(None)
+    return {None: of_all, **{out: best(out) or of_all[:1] for out in types}} if of_all else {}
 
 
 def directions(fitted: Fit) -> Array:

@@ -11,11 +11,20 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.closure import NoiseFloor
 from diagnosis.criteria import Criteria
-from diagnosis.learned.curves_tried import Curve, shortlisted
-from diagnosis.learned.left_out import Choice, Judgement, chosen, judged_by_force, judgement, solved, summed
+from diagnosis.learned.curves_tried import Curve, shortlists
+from diagnosis.learned.left_out import (
+    Choice,
+    Judgement,
+    chosen,
+    judged_by_force,
+    judgement,
+    shown_from,
+    solved,
+    summed,
+)
 from diagnosis.model.fit import Fit, fit, weights
 from diagnosis.model.unknown_force import unknown_less_mean
-from diagnosis.records.units import noise
+from diagnosis.records.units import noise, units
 from diagnosis.where.coordinates import by_motion
 from diagnosis.where.energy import bootstrap_counts, interval_ends
 from diagnosis.where.law_curve import LawCurve
@@ -113,13 +122,16 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
             f"the records hold {len(types)} type{'s' * (len(types) != 1)} of motion, and a law is judged on one that "
             f"was not used, which takes {criteria.learned_min_types}; record motions of other strokes and speeds"
         )
-    found = shortlisted(begin, baseline.records, baseline.segment, kind)
+    found = shortlists(begin, baseline.records, baseline.segment, kind, types)
     if not found:
         return _refused("no curve over time, position, speed, acceleration, command, rest or path explains any of it")
     projection = partial_out(begin, baseline.segment)
-    tests = [
-        summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind) for one in found
-    ]
+    least = shown_from(units(begin.candidate.nominal, baseline.records))
+    curves = {one.named: one for shortlist in found.values() for one in shortlist}
+    tested = {
+        name: summed(one, columns_of(one, begin, baseline, projection), projection.e, baseline.segment, kind, least)
+        for name, one in curves.items()
+    }
     above = projection.e**2 - _whitened(floor, begin, baseline)
     by_force = not _surely_above(above, floor, criteria)
     if by_force:
@@ -127,11 +139,15 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         least = floor.gap().force
         if force @ force < criteria.min_force_ratio * least**2 * np.count_nonzero(used):
             return _refused("the gap is too small beside the noise floor to judge a law")
-        tests = [judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment) for one in tests]
+        tested = {
+            name: judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment)
+            for name, one in tested.items()
+        }
         moving = np.array([not piece.kind.rests for piece in baseline.pieces])[baseline.segment]
         above = np.where(used & moving, force**2 - least**2, 0.0)  # it acts at rest, too, which is no type of motion
+    tests = {out: [tested[one.named] for one in shortlist] for out, shortlist in found.items()}
     judged = judgement(tests, above, baseline.segment, kind, names)
-    choice = chosen(tests, kind, types)
+    choice = chosen(tests[None], kind, types)
     low, high = _band(choice, kind.size, baseline)
     reason, fitted, inside = objection(judged, criteria), None, None
     if not reason or little_judged(judged, criteria):

@@ -23,11 +23,13 @@ from diagnosis.handover.gate import held_out
 from diagnosis.handover.posterior import unexplained_force
 from diagnosis.how_far import errors_of
 from diagnosis.improved import improved_machine
-from diagnosis.learned import learn
+from diagnosis.learned import curves_tried, learn
 from diagnosis.learned.curves_tried import Curve, coordinate_values
 from diagnosis.learned.learn import Learned, columns_of, in_the_model, learned, little_judged, objection
 from diagnosis.learned.left_out import Choice, Judgement, summed
+from diagnosis.model.fit import Fit
 from diagnosis.model.roughness import variance_by_record
+from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.null import Null
 from diagnosis.records.motions import MotionKind, pieces
 from diagnosis.records.units import loop_time, units, with_units
@@ -40,6 +42,7 @@ from models.effects.catalogue import looked_for
 from models.effects.measured import Measured
 from models.machine import from_table
 from models.machine_file import to_toml
+from models.records.record import Record
 from tests.diagnosis.learned.outsiders import Bump, Joint, OneSided
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
@@ -145,7 +148,7 @@ def test_the_law_is_judged_on_motions_that_its_table_has_not_seen() -> None:
     curve, kind = Curve(Measured("time", tuple(knots), (0.0,) * knots.size), hats), np.zeros(len(healthy.pieces), int)
     projection = partial_out(nominal, healthy.segment)
     columns = columns_of(curve, nominal, healthy, projection)
-    test = summed(curve, columns, projection.e, healthy.segment, kind)
+    test = summed(curve, columns, projection.e, healthy.segment, kind, least=20.0)
     fitted, inside = in_the_model(Choice(test, 1e-6, 0.0), nominal, healthy)
     everything = np.ones(kind.size, bool)
     through = Learned(None, knots, knots, None, fitted, choice=inside)
@@ -221,6 +224,32 @@ def test_a_joint_of_the_rail_is_learned_where_it_is() -> None:
     files = {file.name: file.held_out.gap() for file in rail.how_far.handover.files}
     assert rail.how_far.handover.adopted.name == "measured law"
     assert files["measured law"].force < 0.3 * files["re-fitted"].force
+
+
+def test_the_curves_to_choose_from_where_a_type_is_left_out_are_found_without_it(
+    baseline: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shortlist had been one of all types: where there is no law, it made a closure of -0.32 one of -0.13."""
+    kinds = list(dict.fromkeys(piece.kind for piece in baseline.pieces))
+    kind = np.array([kinds.index(piece.kind) for piece in baseline.pieces])
+    types = [number for number, one in enumerate(kinds) if not one.rests]
+    out = types[0]
+    segment, records = baseline.segment, baseline.records
+
+    def named() -> dict[int | None, list[tuple[str, str]]]:
+        found = curves_tried.shortlists(baseline.nominal, records, segment, kind, types)
+        return {number: [one.named for one in shortlist] for number, shortlist in found.items()}
+
+    def of_another_law(fit: Fit, records: Sequence[Record]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        force, used = unknown_less_mean(fit, records)
+        return np.where(kind[segment] == out, -5.0 * force, force), used
+
+    before = named()
+    monkeypatch.setattr(curves_tried, "unknown_less_mean", of_another_law)
+    after = named()
+    assert set(before) == {None, *types}
+    assert after[None] != before[None]
+    assert after[out] == before[out]
 
 
 def test_a_law_that_one_type_of_motion_alone_shows_is_refused(baseline: Baseline, floor: NoiseFloor) -> None:

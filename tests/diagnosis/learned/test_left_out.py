@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,10 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import Curve
 from diagnosis.learned.learn import objection
-from diagnosis.learned.left_out import Judgement, judgement, summed
+from diagnosis.learned.left_out import Judgement, judgement, shown_from, summed
+from diagnosis.records.units import units
 from models.effects.measured import Measured
+from models.machine import load
 
 Array = NDArray[np.float64]
 
@@ -36,7 +39,8 @@ def judged(
     hats = np.column_stack([np.interp(place, KNOTS, row) for row in np.eye(len(KNOTS))])
     e = rng.standard_normal(MOTION.size) + force(place, of_sample)
     curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats)
-    return judgement([summed(curve, -hats, e, MOTION, KIND)], e**2 - noise, MOTION, KIND, NAMES)
+    tests = [summed(curve, -hats, e, MOTION, KIND, least=20.0)]
+    return judgement(dict.fromkeys(range(TYPES), tests), e**2 - noise, MOTION, KIND, NAMES)
 
 
 def test_a_law_that_all_types_share_closes_the_gap_of_each() -> None:
@@ -77,6 +81,39 @@ def test_a_type_of_motion_with_less_than_the_noise_has_nothing_to_close() -> Non
     assert 0 <= quiet.share <= 1 + 1e-9
     assert sum(one.share for one in quiet.by_type) <= 1 + 1e-9
     assert quiet.closure < 0.2  # the others show nothing of the law
+
+
+def test_rests_do_not_count_as_motions_in_the_interval() -> None:
+    """Six motions and 60 rests had an interval of 0.21 where six motions alone have one of 0.26."""
+
+    def width(rests: int) -> float:
+        motions, each = 6, 100
+        size = np.append(1 + 0.25 * np.random.default_rng(3).standard_normal(motions), np.zeros(rests))
+        kind, motion = np.append(np.arange(motions) % 3, np.full(rests, 3)), np.repeat(np.arange(size.size), each)
+        hats = np.tile([0.0, 1.0, 0.0], (motion.size, 1))
+        columns = -hats * (motion < motions)[:, None]
+        curve = Curve(Measured("position", (0.0, 1.0, 2.0), (0.0, 0.0, 0.0)), hats)
+        test = summed(curve, columns, size[motion], motion, kind, least=20.0)
+        above = size[motion] ** 2 + 0.3 * (motion < motions)
+        low, high = judgement({0: [test], 1: [test], 2: [test]}, above, motion, kind, ["a", "b", "c", ""]).interval
+        return high - low
+
+    assert width(60) == width(0) > 0.1
+
+
+@pytest.mark.parametrize("sample_time", [1 / 8000, 1 / 2000, 1 / 250, 1 / 62.5])
+def test_what_other_types_show_does_not_hang_on_the_sample_time(sample_time: float) -> None:
+    """Four moves of 1 s over the same 100 mm: of a record at 62.5 Hz nothing had counted as shown."""
+    time = np.arange(0, 1.0, sample_time)
+    place = np.tile(0.05 * (1 - np.cos(np.pi * time)), 4)
+    knots = np.linspace(0.0, 0.1, 36)
+    hats = np.column_stack([np.interp(place, knots, row) for row in np.eye(knots.size)])
+    curve = Curve(Measured("position", tuple(knots), (0.0,) * knots.size), hats)
+    known = replace(units(load()), sample=sample_time)
+    motion, kind = np.repeat(np.arange(4), time.size), np.array([0, 1, 2, 2])
+    shown = summed(curve, hats, np.ones(place.size), motion, kind, shown_from(known)).shown
+    assert np.mean(shown) > 0.7
+    assert shown_from(units(load())) == pytest.approx(20.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(("coordinate", "symmetry"), [("acceleration", "odd"), ("command", "plain")])
