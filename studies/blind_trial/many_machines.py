@@ -52,7 +52,7 @@ def figures(
         "worst": worst(scores, features),
         "kinds": confusion_of_kinds(scores),
         "forms": _forms(bodies, scores),
-        "learned": learned_closure(scores, answers),
+        "learned": learned_closure(answers),
         "rejected": _rejected(bodies),
         "errors": _errors(answers),
         "features": {str(number): row for number, row in sorted(features.items())},
@@ -199,13 +199,11 @@ def _instead(one: Score) -> str:
     return " + ".join(" or ".join(group) for group in one.groups)
 
 
-def learned_closure(scores: Sequence[Score], answers: Mapping[str, Any]) -> dict[str, Any]:
-    """Closure, on motions that were not used, of answers that hold a learned law: which[].measured."""
-    closures = [
-        one.closure
-        for one in scores
-        if one.closure is not None and any(row.get("measured") for row in answers[one.label.case].get("which") or ())
-    ]
+def learned_closure(answers: Mapping[str, Any]) -> dict[str, Any]:
+    """Closure, on types of motion that were not used, of the laws that answers have learned, whether or not they were
+    adopted: those that were close 0.7 at least, by the threshold."""
+    laws = [one.get("learned") or {} for one in answers.values()]
+    closures = [float(law["closure"]) for law in laws if law.get("closure") is not None]
     return {"count": len(closures), "median": float(np.median(closures)) if closures else None}
 
 

@@ -129,13 +129,17 @@ def test_a_target_is_reached_where_the_bound_reaches_it() -> None:
     assert not checks["machines, enough for the claim"].holds
 
 
-def test_a_learned_law_counts_by_its_closure() -> None:
-    learned = {
-        **said("attributed", "cogging"),
-        "which": [{"effect": "cogging", "probability": 0.9, "measured": {"coordinate": "position"}}],
-    }
-    rows = [(body("case-1", 0, "cogging"), learned), (body("case-2", 0, "cogging"), said("attributed", "cogging"))]
-    assert figures(*rows)["learned"] == {"count": 1, "median": 0.8}
+def test_a_learned_law_counts_by_its_own_closure_and_also_where_it_is_refused() -> None:
+    """The figure had been that of named laws in another form, whose curve is measured: an adopted law did not count."""
+    form = [{"effect": "cogging", "probability": 0.9, "measured": {"coordinate": "position"}}]
+    named = {**said("attributed", "cogging"), "which": form, "learned": None}
+    too_few = {"adopted": False, "reason": "the records hold 1 type of motion"}
+    laws = ({"adopted": True, "closure": 0.9}, {"adopted": False, "closure": 0.2}, too_few)
+    rows = [
+        (body("case-1", 0, "cogging"), named),
+        *((body(f"case-{i}", 0, "fold"), {**said("none_of_these"), "learned": law}) for i, law in enumerate(laws, 2)),
+    ]
+    assert figures(*rows)["learned"] == {"count": 2, "median": pytest.approx(0.55)}
 
 
 def test_a_case_has_a_nominal_machine_of_its_own(small_pack: Packer) -> None:
