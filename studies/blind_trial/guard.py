@@ -93,7 +93,8 @@ def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:
 
 
 def leaks(pack: Path, names: Iterable[str], largest: int = MAX_SEARCHED_BYTES) -> list[str]:
-    """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json.
+    """Where a pack reveals a label: names of effects in its files' names or contents, except in disabled.json, which is
+    one in the open (`reports/guide/trials.md`).
 
     A file is searched up to so many bytes after decompression; that it has more is said, as it hides what follows.
     """

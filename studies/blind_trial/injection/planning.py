@@ -28,6 +28,7 @@ PROBE_FORCE_SHARE: Final = 1e-3  # of the largest force: at this size a law is m
 STEEPEST: Final = 0.3  # largest size of a law that divides the thrust
 # Of the record's own command: an injected force beyond, both as rms, would be no small change.
 MAX_FORCE_SHARE: Final = 0.3
+MIN_CUT: Final = 1e-9  # of a force: by less it is not cut, as that is rounding
 
 
 @dataclass(frozen=True)
@@ -106,11 +107,8 @@ def draw(plan: Plan, known: Known) -> Drawn:
         size = SIZES[plan.severity] / seen
         size = min(size, STEEPEST) if law.unit == "1" else size
     force = law.force(path, size, shape)
-    over = max(
-        float(np.max(np.abs(path.command + force))) / known.rated, _rms(force) / (MAX_FORCE_SHARE * _rms(path.command))
-    )
-    if over > 1:
-        size /= over
+    while (part := _part_that_fits(force, path.command, known.rated)) < 1 - MIN_CUT:
+        size *= part
         force = law.force(path, size, shape)
     apart, beside = distance(force, noise), distance(force, known.free[plan.record])
     is_force = law.kind != "parameters"
@@ -137,6 +135,15 @@ def draw(plan: Plan, known: Known) -> Drawn:
         ],
     }
     return Drawn(force, body)
+
+
+def _part_that_fits(force: Array, command: Array, rated: float) -> float:
+    """The part of a force (n,) [N] beside which the command (n,) [N] stays within the rating [N], and which is no more
+    than the largest share of the command; up to 1 [1]."""
+    beyond = np.abs(command + force) > rated
+    room = rated - command[beyond] * np.sign(force[beyond])
+    most = MAX_FORCE_SHARE * _rms(command) / max(_rms(force), 1e-300)
+    return float(min(1.0, most, np.min(room / np.abs(force[beyond]), initial=1.0)))
 
 
 def _rms(force: Array) -> float:

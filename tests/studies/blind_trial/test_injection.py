@@ -32,10 +32,12 @@ from studies.blind_trial.injection.distance import LIMIT, beside_speed, distance
 from studies.blind_trial.injection.inverse import Channel, NoInverseError, channel, inject
 from studies.blind_trial.injection.laws import LAWS, Chance
 from studies.blind_trial.injection.motion import Course, course, dragged, since_reversal, stretched
+from studies.blind_trial.injection.planning import Known, draw, plans
 from studies.command import BAD_INPUT, CHECK_MISSED, DONE, main
 
 Array = NDArray[np.float64]
 MACHINES = ROOT / "models" / "machines"
+SEARCHED = tuple(law.name for law in LAWS)
 EMPS = MACHINES / "emps.toml"
 
 
@@ -265,6 +267,30 @@ def test_any_friction_over_speed_is_told_from_no_law_over_speed_and_from_others(
     assert all(distance(force, free) < 0.2 * distance(force, noise) for force in (bent, one_way))
     place = np.sin(2 * np.pi * path.position / 3e-3)
     assert distance(place, free) > 0.9 * distance(place, noise)
+
+
+def test_no_injected_record_asks_for_more_than_the_rating() -> None:
+    """A force that is divided by how far it goes beyond, the record's own command included, is still too large: 48 of
+    these 112 asked for up to 1.23 times the rating."""
+    rng, time = np.random.default_rng(1), np.arange(20000) * 1e-3
+    angle = 2 * np.pi * 0.25 * time
+    command = 30 * np.sin(angle + 1) + 8 * np.sign(np.cos(angle)) + 0.05 * rng.standard_normal(time.size)
+    path = course(0.1 * np.sin(angle), command, 1e-3, grain=1e-7, longest_limit=1e-5, ahead=0.5e-3)
+    noise, rated = noise_of(path, 1e-3), float(np.max(np.abs(command))) / 0.97
+    ranges = {
+        ("cogging", "pitch"): (5e-3, 0.05),
+        ("position_dependent_friction", "pitch"): (5e-3, 0.05),
+        ("position_dependent_friction", "length"): (5e-3, 0.05),
+        ("thrust_ripple", "pitch"): (5e-3, 0.05),
+        ("friction_drift", "time"): (5.0, 60.0),
+        ("stribeck", "speed"): (1e-3, 1e-2),
+    }
+    tolerances = {"payload_mass": 8.0, "friction_level": 3.0}
+    known = Known((path,), (noise,), (beside_speed(path, noise),), ranges, SEARCHED, (), tolerances, rated)
+    drawn = [draw(plan, known) for plan in plans(known, 7, 120)]
+    most = [float(np.max(np.abs(command + one.force))) / rated for one in drawn]
+    assert max(most) <= 1 + 1e-6
+    assert sum(part > 1 - 1e-6 for part in most) > 20  # as large as it may be, and no smaller
 
 
 def test_laws_share_no_code_with_effects_or_diagnosis() -> None:
