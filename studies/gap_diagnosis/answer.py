@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from diagnosis.criteria import Criteria
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
 from studies.gap_diagnosis import common_factor, how_far, stated_effects, unknown_law
@@ -109,7 +110,7 @@ def _which(results: Results) -> list[str]:
         moved = results.get("stated_effects", ())
         others = [name for name in names if name not in {row["effect"] for row in moved}]
         off = [*moved_values(moved), *(off_by(rows[name]) if name in rows else effect(name) for name in others)]
-        return [f"Nominal values are off, {listed(off)}; re-fitted, no effect is missing.", *beside]
+        return [f"Nominal values are off, {listed(off)}; {_beside_values(results['how_far'])}.", *beside]
     if outcome == "none_of_these":
         return [*_nameless(results), *beside]
     rows = {row["effect"]: row for row in results["which"]}
@@ -130,6 +131,18 @@ def _which(results: Results) -> list[str]:
         *sure,
         *beside,
     ]
+
+
+def _beside_values(far: Results) -> str:
+    """What is missing beside nominal values that are off: nothing, or a force so slow that innovations do not show it,
+    for which no law of the catalogue was found and values may stand in."""
+    left, least = (far[name]["force_N"] for name in ("gap_refitted", "floor"))
+    if left**2 <= Criteria().min_force_ratio * least**2:
+        return "re-fitted, no effect is missing"
+    return (
+        f"re-fitted, they leave a slow force of {show(left, 'N', 2)} that no effect was found for (the noise floor is "
+        f"{show(least, 'N', 2)}): values may stand in for it, and other records be predicted worse than as delivered"
+    )
 
 
 def _nameless(results: Results) -> list[str]:
