@@ -19,11 +19,13 @@ from models.records.record import Record
 @dataclass(frozen=True)
 class Finished:
     """The fit behind a machine file; widened: values that got more room; at_bound: those that are at a bound
-    still, or where the first one was."""
+    still, or where the first one was; modes_kept: by how many of its stated deviations a fit to these records alone
+    moved the vibration mode that it moved the most, where this one keeps what the file knows of them [1]."""
 
     fitted: Fit
     widened: tuple[AtBound, ...] = ()
     at_bound: tuple[AtBound, ...] = ()
+    modes_kept: float = 0.0
 
     @property
     def candidate(self) -> Candidate:

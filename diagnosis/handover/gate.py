@@ -185,6 +185,11 @@ def _closer(file: File, other: File) -> bool:
     return _better(file, other, "force") and _better(file, other, "position")
 
 
+def outweighs(file: File, other: File) -> bool:
+    """Whether a file surely leaves less than half of what another does, in force or in position."""
+    return any(_better(file, other, one, OUTWEIGHING_ERROR_RATIO) for one in MEASURES[:2])
+
+
 def _outweighed(harms: Sequence[Harm], file: File, other: File) -> bool:
     """Whether a file that is a little worse in force or position surely leaves less than half of the other one."""
     (worse,) = harms if len(harms) == 1 else (None,)

@@ -26,6 +26,7 @@ from diagnosis.handover.gate import (
     offset_alone,
     with_fit,
 )
+from diagnosis.handover.known_modes import with_known_modes
 from diagnosis.handover.transfer import Transfer, transferred
 from diagnosis.how_far import Gap, errors_of
 from diagnosis.learned.learn import Learned
@@ -141,6 +142,7 @@ class HowFar:
             "stages": [{"added": name, **gap.to_json()} for name, gap in self.stages],
             "adopted_file": adopted.name,
             "without": list(self.handover.without),
+            "modes_kept": adopted.finished.modes_kept if adopted.finished else 0.0,
             "files": [_file(file) for file in self.handover.files],
             "harms": [_harm(harm) for harm in self.handover.harms],
             "widened": [_bound(one) for one in self.widened],
@@ -175,9 +177,8 @@ def how_far(
     learned one, in the stages under a name, or, where nothing has a name, to be handed over in place of effects if
     motions that were not used agree and it does no harm [SI]."""
     records = baseline.records
-    fits = [finished(stages[0].fitted, records)]
-    if len(stages) > 1:
-        fits.append(finished(stages[-1].fitted, records))
+    ends = (stages[0], stages[-1]) if len(stages) > 1 else (stages[0],)
+    fits = [with_known_modes(finished(one.fitted, records), baseline) for one in ends]
     transfer = None
     if len(records) > 1:
         fits, transfer = transferred(fits, baseline)

@@ -143,6 +143,18 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
         yield from (("initial_friction_state", 0.6 * limit, 0.6 * limit) for limit in friction.limit)
 
 
+def modes_as_stated(layout: Parameters) -> Array:
+    """The deviations (P,) with which the vibration modes are known as the file states beside their values, where that
+    is less than usual; those of everything else, and of other modes, stay as they are [SI; 1 for logarithms]."""
+    machine, deviation = layout.machine, layout.deviation.copy()
+    stated = {one.name: one.relative[0] for one in known_apart(machine) if one.origin == "value"}
+    for name, value in (("mode_gain", "gain"), ("mode_frequency", "frequency"), ("mode_damping", "damping")):
+        for place, i in zip(layout.of(name), machine.plant.flexible, strict=True):
+            said = stated.get(f"plant.modes.{i + 1}.{value}", 0.0)
+            deviation[place] = min(said, deviation[place]) if said > 0 else deviation[place]
+    return deviation
+
+
 @dataclass(frozen=True)
 class Prior:
     """The prior of all parameters of one name: the least and the largest standard deviation [SI; 1 for logarithms], and
