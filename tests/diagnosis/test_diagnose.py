@@ -319,7 +319,7 @@ def test_what_takes_nothing_off_the_gap_resembles_it_in_no_part(
 ) -> None:
     """ "In part it resembles additional mode, with which the unknown force does not fall"."""
     whole = module.how_far  # type: ignore[attr-defined]
-    monkeypatch.setattr(module, "how_far", lambda *given: replace(whole(*given), interval=interval))
+    monkeypatch.setattr(module, "how_far", lambda *given: replace(whole(*given), effects_interval=interval))
     none = Answer(viscous.stages, (), held_out_closure(viscous.stages, viscous.baseline, 0), Outcome.NONE)
     pruned: Any = SimpleNamespace(stages=viscous.stages, shares=dict(viscous.shares))
     assert module._diagnosis(none, pruned, viscous.baseline).partly == partly
