@@ -3,8 +3,9 @@
 Each record is recognised (recognise.py), identified by the method for its kind (joint/), and put into the machine
 (into_machine.py): frequency responses and excitations first, which give the plant; then slow records, which give the
 friction; then motions, which judge both and give what is missing; then fast records by inverse dynamics; last the noise
-of the scale, at rest. A value that an earlier record gave stays, but for the offset, and for the damping of the
-friction's elements, which the record that knows it best gives.
+of the scale, at rest. A value that an earlier record gave stays, but for the offset, which is the mean of all records
+by their deviations, or the machine file's where none of them tells it better, and for the damping of the friction's
+elements, which the record that knows it best gives.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from models.identification.joint.agreement import with_offset_shown
 from models.identification.joint.at_rest import with_noise
 from models.identification.joint.fast_records import from_dynamics
 from models.identification.joint.motion_records import from_motion
@@ -105,7 +107,7 @@ def identify(
             if not (came_to_nothing and _beside_others(kind, found, [kind for kind, _ in queue[i + 1 :]])):
                 raise RecordError(f"{one.name}: {why}") from error
             found = replace(found, left_out=(*found.left_out, LeftOut(one.name, kind, why)))
-    return with_noise(found, loaded)
+    return with_noise(with_offset_shown(found, machine), loaded)
 
 
 def _check_movement(machine: Machine, one: Loaded) -> None:

@@ -12,7 +12,9 @@ import numpy as np
 from models.identification.estimate import Estimate, combined
 from models.identification.force.fit import ForceFit
 from models.identification.into_machine import Holdable
-from models.identification.joint.steps import ForceStep, Identified, Step
+from models.identification.joint.steps import ForceStep, Identified, MotionStep, Step
+from models.identification.modal.remarks import ResponseStep
+from models.machine import Machine
 from models.quantity import show
 from models.records.files import Loaded
 
@@ -61,6 +63,33 @@ def joint_force(helds: Sequence[Holdable], best: int) -> tuple[Holdable, bool]:
     )
     assert offset is not None
     return replace(helds[best], drag=drag, asymmetry=asymmetry, offset=offset), True
+
+
+def with_offset_shown(found: Identified, given: Machine) -> Identified:
+    """What was identified with the offset that was given, where no record says more of it: each knows it worse than the
+    file's tolerance and does not surely depart from the file's value. Such a one would widen the tolerance by what only
+    that record does not show."""
+    known, value = given.tolerances.offset, given.drive.offset
+    every = [step.gave for step in found.steps if "offset" in step.gave.estimate.names]
+    shown = [_offset_of(gave) for gave in every]
+    told = any(std <= known or abs(one - value) > SIGMAS * std for one, std in shown)
+    if told or not any(isinstance(gave, ForceStep) for gave in every):
+        return found  # motions alone: their offset goes with the friction that they were replayed with
+    machine = found.machine.with_part("drive", given.drive, given.sources_of("drive"))
+    machine = machine.with_part("tolerance", given.tolerance, given.sources_of("tolerance"))
+    surest = min(shown, key=lambda one: one[1])
+    said = (
+        f"No record tells the offset better than to {show(surest[1], 'N', 2)} ({show(surest[0], 'N', 3)}): that of the "
+        f"machine file, {show(value, 'N', 3)} with a tolerance of {show(known, 'N', 2)}, stays."
+    )
+    return replace(found, machine=machine, of_all=(*found.of_all, said))
+
+
+def _offset_of(gave: ResponseStep | ForceStep | MotionStep) -> tuple[float, float]:
+    """The constant force [N] that a record shows, and its standard deviation, as a machine file can hold it."""
+    if isinstance(gave, ForceStep) and gave.held is not None:
+        return gave.held.offset
+    return gave.estimate.value("offset"), gave.estimate.deviation("offset")
 
 
 def on_agreement(steps: Sequence[Step], names: Sequence[str]) -> Iterator[str]:

@@ -50,8 +50,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
 
     Of several fast records mass, delay, drag, asymmetry and offset are the means by their deviations, and the elements
     those of the record that knows the slip force best. The drag is also the mean with a frequency response's, if a slow
-    record gave the elements. Friction that grows with speed and the offset go together: where records show different
-    forms of it, both are that record's.
+    record gave the elements, and the offset with that of slow records and motions. Friction that grows with speed and
+    the offset go together: where fast records show different forms of it, both are that record's.
     """
     record = record_of(loaded)
     if reversals(record.position).size == 0:
@@ -71,7 +71,8 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
         )
     steps = [*steps_of(found, "dynamics"), Step(kind, loaded, ForceStep(fit, holdable(fit)))]
     fits = [step.gave.fit for step in steps if isinstance(step.gave, ForceStep)]
-    source, best = Found(together(steps), "dynamics"), min(range(len(fits)), key=lambda i: vagueness(fits[i]))
+    used, best = steps, min(range(len(fits)), key=lambda i: vagueness(fits[i]))
+    source = Found(together(steps), "dynamics")
     machine, remarks = found.machine, [*on_agreement(steps, ("mass", "delay")), *on_slip(steps, KEPT_ELEMENTS_REASON)]
     if found.has("response"):
         remarks += _on_plant(found, fit)
@@ -84,7 +85,7 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     helds = [step.gave.held for step in steps if isinstance(step.gave, ForceStep) and step.gave.held is not None]
     held, joint = joint_force(helds, best)
     if not joint:
-        source = Found(steps[best].loaded, "dynamics")
+        used, source = [steps[best]], Found(steps[best].loaded, "dynamics")
     if found.has("hysteresis") or held.drag is None:  # else these records' elements go with their own drag
         drag, by_response = _with_the_response(found, held.drag)
         remarks += by_response
@@ -92,7 +93,9 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
         drag = held.drag
     if drag is not None or held.asymmetry is not None:
         machine = with_drag(machine, drag, held.asymmetry, _source_of(drag, held.drag, found, source))
-    machine = with_offset(machine, *held.offset, source)
+    offset, by_others = _with_the_records_before(found, held.offset)
+    remarks += by_others
+    machine = with_offset(machine, *offset, Found(together([*_telling_offset(found), *used]), "dynamics"))
     step = ForceStep(fit, holdable(fit))
     return with_step(
         found,
@@ -141,14 +144,47 @@ def _with_the_response(
     known = response.estimate.value(DRAG), response.estimate.deviation(DRAG)
     if held is None:
         return known, []
-    value, std, apart = combined([known, held])
+    return _both(
+        ("viscous friction", "N s/m"),
+        (held, "the fast records"),
+        (known, "the frequency response"),
+        "friction that is not in proportion to the speed, or elements that make up for a drag",
+    )
+
+
+def _with_the_records_before(found: Identified, held: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
+    """The offset [N] of fast records and of slow ones and motions together, with its standard deviation, and that they
+    disagree: strokes that hardly leave presliding may tell it to several newtons."""
+    before = [step.gave.estimate for step in _telling_offset(found)]
+    if not before:
+        return held, []
+    known = joint_estimate(before, ("offset",))
+    return _both(
+        ("offset", "N"),
+        (held, "the fast records"),
+        ((known.value("offset"), known.deviation("offset")), "the records before them"),
+        CAUSES["offset"],
+    )
+
+
+def _telling_offset(found: Identified) -> list[Step]:
+    """The slow records and motions so far."""
+    return [*steps_of(found, "hysteresis"), *steps_of(found, "motion")]
+
+
+def _both(
+    of: tuple[str, str], here: tuple[tuple[float, float], str], there: tuple[tuple[float, float], str], cause: str
+) -> tuple[tuple[float, float], list[str]]:
+    """One value, with its standard deviation, of two that are found in different ways, and that they disagree. of: its
+    name and unit; here, there: value and deviation [that unit], and of which records; cause: of a disagreement."""
+    (name, unit), ((one, whose), (other, whose_other)) = of, (here, there)
+    value, std, apart = combined([other, one])
     if apart <= SIGMAS:
         return (value, std), []
-    here, there = (f"{show(size, 'N s/m', 3)} ± {show(spread, 'N s/m', 2)}" for size, spread in (held, known))
+    said, said_other = (f"{show(size, unit, 3)} ± {show(spread, unit, 2)}" for size, spread in (one, other))
     return (value, std), [
-        f"The viscous friction of the fast records, {here}, and that of the frequency response, {there}, differ by "
-        f"{apart:.1f} standard deviations (friction that is not in proportion to the speed, or elements that make up "
-        "for a drag); the machine file has their mean, with a deviation as wide."
+        f"The {name} of {whose}, {said}, and that of {whose_other}, {said_other}, differ by {apart:.1f} standard "
+        f"deviations ({cause}); the machine file has their mean, with a deviation as wide."
     ]
 
 
