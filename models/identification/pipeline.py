@@ -90,7 +90,7 @@ def identify(
         for given, one, kind in zip(records, loaded, known, strict=True)
     ]
     # What an experiment on another machine showed is left out.
-    found = Identified(replace(machine, name=f"{machine.name}, identified", published=None))
+    found = Identified(replace(machine, name=f"{machine.name}, identified", published=None), records=tuple(loaded))
     settings = Settings(pass_band, modes, rolled)
     queue = sorted(zip(known, loaded, strict=True), key=lambda item: KINDS.index(item[0]))
     for i, (kind, one) in enumerate(queue):

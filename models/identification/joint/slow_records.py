@@ -24,6 +24,7 @@ from models.identification.into_machine import (
     with_spring,
 )
 from models.identification.joint.agreement import joint_estimate, on_agreement, on_slip, steps_of, together
+from models.identification.joint.longer_ways import Stiffness, surest, way
 from models.identification.joint.one_branch import one_branch
 from models.identification.joint.steps import (
     ForceStep,
@@ -63,7 +64,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
     record = record_of(loaded)
     band = settings.pass_band or slow_band(record)
     fit = by_elements.identify(record, terms, pass_band=band)
-    terms, fit, refused = _with_spring(found, record, terms, fit, source)
+    found, terms, fit, on_spring = _with_spring(found, loaded, terms, fit)
     _require_a_loop(fit, spring_of(found.machine))
     fit, dragged, not_dragged = _with_drag(found, record, terms, fit, source)
     slip, spread = fit.slip_force()
@@ -75,8 +76,7 @@ def from_hysteresis(found: Identified, kind: str, loaded: Loaded, settings: Sett
         *([] if not_dragged else [_on_the_drag(terms, fit, dragged)]),
         *on_agreement(steps, ("offset",)),
         *on_slip(steps, "one branch fitted to all, with deviations as wide"),
-        *_on_spring(fit),
-        *refused,
+        *on_spring,
         *not_dragged,
         *_on_memory(fit),
         *on_effects(found.machine),
@@ -109,24 +109,42 @@ def _require_a_loop(fit: ForceFit, stated: float) -> None:
 
 
 def _with_spring(
-    found: Identified, record: Record, terms: Terms, fit: ForceFit, source: Found
-) -> tuple[Terms, ForceFit, tuple[str, ...]]:
-    """The terms and the fit of a record with a spring to ground, where it shows one; and why one is not taken."""
+    found: Identified, loaded: Loaded, terms: Terms, fit: ForceFit
+) -> tuple[Identified, Terms, ForceFit, tuple[str, ...]]:
+    """What is known, the terms and the fit of a record with a spring to ground, where it shows one; and what is said of
+    it. A record of a longer way that knows it better gives its stiffness instead, or says that there is none."""
     if spring_of(found.machine) != 0 or not _may_be_a_spring(fit):
-        return terms, fit, ()
-    with_it = replace(terms, spring=True)
+        return found, terms, fit, ()
+    record, with_it = record_of(loaded), replace(terms, spring=True)
     try:
         sprung = by_elements.identify(record, with_it, pass_band=fit.pass_band)
     except UnusableError:  # beside a spring there is no friction left
-        return terms, fit, ()
+        return found, terms, fit, ()
     if not _springs(fit, sprung):
-        return terms, fit, ()
-    value, std = sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING)
-    against = _against(found, with_spring(found.machine, (value, std), source))
-    if against is None:
-        return with_it, sprung, ()
-    spring = f"a spring to ground of {show(value, 'N/m', 3)}, where the friction's curve goes on"
-    return terms, fit, (_not_taken(spring, against),)
+        return found, terms, fit, ()
+    here = Stiffness(sprung.estimate.value(SPRING), sprung.estimate.deviation(SPRING), loaded)
+    against = _against(found, with_spring(found.machine, (here.value, here.std), Found(loaded, "hysteresis")))
+    if against is not None:
+        spring = f"a spring to ground of {show(here.value, 'N/m', 3)}, where the friction's curve goes on"
+        return found, terms, fit, (_not_taken(spring, against),)
+    return _by_longer_ways(found, here, (terms, fit), (with_it, sprung))
+
+
+def _by_longer_ways(
+    found: Identified, here: Stiffness, plain: tuple[Terms, ForceFit], sprung: tuple[Terms, ForceFit]
+) -> tuple[Identified, Terms, ForceFit, tuple[str, ...]]:
+    """As `_with_spring`, of a record that shows a spring; plain, sprung: its terms and fits without and with one."""
+    terms, fit = plain
+    known = terms if found.has("response") else replace(terms, mass=None)
+    there = surest(found.records, way(here.loaded), known, fit.friction, found.machine.plant.lowest_mode)
+    if there is None or there.std >= here.std:
+        return found, *sprung, (_on_spring(here),)
+    if there.value <= SIGNIFICANT_STDS * there.std:
+        return found, terms, fit, (_on_springs(here, there, "it is not taken, as", "shows"),)
+    machine = with_spring(found.machine, (there.value, there.std), Found(there.loaded, "dynamics"))
+    found, terms = replace(found, machine=machine), replace(terms, effects=along_the_path(machine))
+    fit = by_elements.identify(record_of(here.loaded), terms, pass_band=fit.pass_band)
+    return found, terms, fit, (_on_springs(here, there, "the machine file has what", "shows:"),)
 
 
 def _with_drag(
@@ -242,15 +260,21 @@ def on_damping(fit: ForceFit) -> str:
     )
 
 
-def _on_spring(fit: ForceFit) -> Iterator[str]:
-    """What a slow record says of a spring to ground."""
-    if SPRING in fit.estimate.names:
-        value, std = fit.estimate.value(SPRING), fit.estimate.deviation(SPRING)
-        yield (
-            f"A force of {value:.4g} N/m with a standard deviation of {std:.2g} N/m goes in proportion to the position "
-            "over the whole width of the loops, as that of a spring to ground does and friction does not; it is "
-            "entered as the effect cable_spring in the machine file, not as a friction element."
-        )
+def _on_spring(spring: Stiffness) -> str:
+    """What is said of a spring to ground that no record of a longer way knows better."""
+    return (
+        f"A force of {spring.said()}, all that the loops go, is in proportion to the position, as that of a spring to "
+        "ground is and friction is not; it is entered as the effect cable_spring in the machine file, not as a "
+        "friction element. No record of a longer way tells it better: beyond these loops it is not known."
+    )
+
+
+def _on_springs(here: Stiffness, there: Stiffness, so: str, shows: str) -> str:
+    """What is said of a spring that a record of a longer way knows better."""
+    return (
+        f"The record alone would show a spring to ground of {here.said()}; {so} {there.loaded.name}, in which the axis "
+        f"goes further, {shows} {there.said()}."
+    )
 
 
 def on_effects(machine: Machine) -> Iterator[str]:

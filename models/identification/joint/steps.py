@@ -93,7 +93,8 @@ class Identified:
     """The machine that the records show, each identified value with its record and standard deviation, and how.
 
     steps: what each record gave, in the order in which they were identified. left_out: records that gave nothing.
-    of_all: what is to be said of all records together.
+    of_all: what is to be said of all records together. records: all that were given, which judge what one shows of
+    another's way.
 
     >>> pos.identify(machine, [folder / "moves.csv"])
     Identified('Linear-motor table with rolling ball guides, identified', moves.csv: motion)
@@ -103,6 +104,7 @@ class Identified:
     steps: tuple[Step, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     of_all: tuple[str, ...] = ()
+    records: tuple[Loaded, ...] = ()
 
     def __repr__(self) -> str:
         """The machine's name and what each record was taken for; no unit [-]."""

@@ -197,3 +197,43 @@ def test_what_only_slow_loops_show_is_not_taken_where_the_rolling_axis_has_none(
     assert any("is not taken, as the response of sweep.csv" in one for one in beside.remarks)
     (gave,) = (step.gave for step in beside.steps if isinstance(step.gave, ResponseStep))
     assert beside.misfit(gave) < 1.5
+
+
+def strokes(machine: Machine, half: float) -> Loaded:
+    """Strokes of half a way [m] to either side of 0, ever faster: at one frequency inertia looks like a spring."""
+    t = np.arange(round(6 / machine.sample_time)) * machine.sample_time
+    path = half * np.sin(2 * np.pi * t * (0.5 + 0.1 * t))
+    return Loaded("strokes.csv", "34cd", own_records.run(machine, path, np.zeros(t.size), 4), (), ())
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 150.0])
+def test_a_spring_of_short_loops_gives_way_to_what_a_longer_way_shows(stiffness: float) -> None:
+    """A cable that is stiff at the loops: 103 N/m +- 34 N/m over 0.2 mm had been written for a travel of 120 mm, where
+    a sweep in the same call shows 26 N/m +- 0.5 N/m."""
+    kinked, far = (replace(TABLE, effects=(CableSpring(k),) if k else ()) for k in (SPRINGS["table"][1], stiffness))
+    loops = Loaded("slow.csv", "12ab", slow_loops(kinked), (), ())
+    found = identify(TABLE, [loops, strokes(far, 5e-3)], kinds=["hysteresis", "dynamics"])
+    springs = [one for one in found.machine.effects if one.name == CableSpring.name]
+    (said,) = (one for one in found.remarks if "The record alone would show a spring to ground of" in one)
+    assert "over a way of 10 mm" in said
+    if stiffness == 0:
+        assert springs == []
+        assert "it is not taken, as strokes.csv, in which the axis goes further, shows" in said
+    else:
+        source = found.machine.sources["effects.cable_spring.stiffness"]
+        assert (source.kind, source.record) == ("identified", "strokes.csv")
+        assert isinstance(source.std, float)
+        assert source.std < 0.1 * stiffness
+        assert springs[0].values()[0] == pytest.approx(stiffness, abs=4 * source.std)
+
+
+def test_a_spring_that_no_longer_way_shows_better_is_kept_with_its_own_way() -> None:
+    """Strokes that go less far than the loops say nothing of what is beyond these."""
+    _, alone = found("table", False)
+    true, _ = found("table", True)
+    loops = Loaded("slow.csv", "12ab", slow_loops(true), (), ())
+    short = strokes(replace(TABLE, effects=()), 0.3 * float(np.ptp(slow_loops(true).position)))
+    beside = identify(TABLE, [loops, short], kinds=["hysteresis", "dynamics"])
+    springs = [[one for one in each.machine.effects if one.name == CableSpring.name] for each in (alone, beside)]
+    assert springs[0] == springs[1] != []
+    assert any("beyond these loops it is not known" in one for one in beside.remarks)
