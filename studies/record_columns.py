@@ -17,9 +17,10 @@ from studies.record_options import RecordOptions
 
 @dataclass(frozen=True)
 class Mapped:
-    """How the signals are called in each of the records."""
+    """How the signals are called in each of the records; notes: which patterns of a mapping file fit none of them."""
 
     rules: tuple[Rule, ...]
+    notes: tuple[str, ...] = ()
 
     def columns(self, path: Path) -> Columns:
         """The columns of one file. Raises BadInputError."""
@@ -33,19 +34,19 @@ def mapped(machine: Machine, options: RecordOptions, paths: Sequence[Path]) -> M
     """The rules of the machine file, the recipe, the mapping file and --column, of which the most specific wins.
 
     Of two that are as specific, the later in this order. paths: the records. Raises BadInputError for a bad rule, and
-    for a pattern of --mapping or --column that fits none of the records.
+    for a pattern of --column that fits none of the records, or one of --mapping where no rule is for one of them.
     """
     try:
         rules = [*rule_of(machine.record, "[record] of the machine file")]
         if options.recipe:
-            rules += read_rules(recipes()[options.recipe], needed=False)
+            rules += read_rules(recipes()[options.recipe])
         if options.mapping:
             rules += read_rules(options.mapping)
         rules += [_rule(entry) for entry in options.column]
-        check_used(rules, paths)
+        notes = check_used(rules, paths)
     except RecordError as error:
         raise BadInputError(str(error)) from error
-    return Mapped(tuple(rules))
+    return Mapped(tuple(rules), notes)
 
 
 def _rule(entry: str) -> Rule:

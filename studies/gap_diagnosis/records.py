@@ -75,6 +75,8 @@ def loaded_of(
     Raises BadInputError for one that can't be read or diagnosed.
     """
     mapping, control = mapped(machine, options, (*options.record, *options.hold_out)), machine.control
+    for note in mapping.notes:
+        progress(0.02, note)
     found, most = list[Loaded](), options.most_samples
     limits = replace(LIMITS, samples=most, remedy=LONGER)
     for path in paths:

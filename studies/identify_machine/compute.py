@@ -118,6 +118,8 @@ def _with_range(machine: Machine, given: Sequence[tuple[str, Loaded]], options: 
 
 def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:
     mapping = mapped(machine, options, options.record)
+    for note in mapping.notes:
+        progress(0.02, note)
     kinds = options.kinds.split(",") if options.kinds else ["auto"] * len(options.record)
     if len(kinds) != len(options.record) or not set(kinds) <= {"auto", *KINDS}:
         raise BadInputError(f"--kinds {options.kinds}: give one of auto, {', '.join(KINDS)} for each of the records")

@@ -36,6 +36,13 @@ def test_each_record_has_its_own_columns(kind: type[IdentificationOptions | Diag
     assert (sweep.target, moves.target) == ("target_m", "target_m")
 
 
+def test_a_pattern_of_a_mapping_file_that_fits_no_record_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "maps.toml").write_text('[[record]]\nfiles = "swap*"\nposition = "file"\n[[record]]\ntime = "t [s]"')
+    options = IdentificationOptions(record=(SWEEP, MOVES), mapping=tmp_path / "maps.toml")
+    (note,) = mapped(MACHINE, options, options.record).notes
+    assert "record 1: 'swap*' fits none of the records (sweep_1.csv, moves.mat); it is not used" in note
+
+
 @pytest.mark.parametrize(
     ("column", "says"),
     [

@@ -31,8 +31,8 @@ def describe(name: str) -> str:
     return str(tomllib.loads(recipes()[name].read_text(encoding="utf-8")).get("description", ""))
 
 
-def read_rules(path: Path, *, needed: bool = True) -> tuple[Rule, ...]:
-    """The rules of a mapping file. needed: whether each of its patterns has to fit a file. Raises RecordError."""
+def read_rules(path: Path) -> tuple[Rule, ...]:
+    """The rules of a mapping file, whose patterns need not all fit a file. Raises RecordError."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise RecordError(f"{path}: is larger than a mapping file can be; give one with a table for each record")
@@ -50,10 +50,10 @@ def read_rules(path: Path, *, needed: bool = True) -> tuple[Rule, ...]:
         tables = [tables]
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise RecordError(f"{path}: must have a table for each record; {EXAMPLE}")
-    return tuple(rule for at, table in enumerate(tables, 1) for rule in _rules(table, f"{path}: record {at}", needed))
+    return tuple(rule for at, table in enumerate(tables, 1) for rule in _rules(table, f"{path}: record {at}"))
 
 
-def _rules(table: dict[str, Any], origin: str, needed: bool) -> Iterator[Rule]:
+def _rules(table: dict[str, Any], origin: str) -> Iterator[Rule]:
     """The rules of one table, one for each of its patterns. Raises RecordError."""
     files = table.get("files", ALL)
     entries = {signal: entry for signal, entry in table.items() if signal != "files"}
@@ -62,4 +62,4 @@ def _rules(table: dict[str, Any], origin: str, needed: bool) -> Iterator[Rule]:
         if not isinstance(item, str):
             raise RecordError(f"{origin}: {name} must be text in quotes; {EXAMPLE}")
     for pattern in patterns:
-        yield Rule(entries, origin, pattern, needed and pattern != ALL)
+        yield Rule(entries, origin, pattern, needed=False)

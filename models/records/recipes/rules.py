@@ -24,7 +24,8 @@ class Rule:
     """The entries, signal -> "NAME [unit] * factor", of all files whose names fit a pattern such as "sweep*.mf4".
 
     An empty entry takes back what a less specific rule says: the signal has its standard name, or is not in the file.
-    origin: where the rule stands, for messages. needed: whether it is a mistake if the pattern fits no file.
+    origin: where the rule stands, for messages. needed: whether it is a mistake if the pattern fits no file, as of an
+    option that is given for these; a mapping file may serve many calls.
     Raises RecordError, a sentence, for an unknown signal or a bad entry.
     """
 
@@ -79,12 +80,16 @@ def rule_of(columns: Columns | None, origin: str) -> tuple[Rule, ...]:
     return (Rule(stated, origin),) if stated else ()
 
 
-def check_used(rules: Sequence[Rule], paths: Sequence[Path]) -> None:
-    """Raises RecordError for a rule that has to fit a file and fits none of these."""
+def check_used(rules: Sequence[Rule], paths: Sequence[Path]) -> tuple[str, ...]:
+    """What is said of rules that fit none of these files, a sentence each. Raises RecordError for one that has to fit
+    one, and where a file is left that no rule is for: then the pattern is mistyped."""
+    mapped, said = all(any(rule.fits(path) for rule in rules) for path in paths), list[str]()
     for rule in rules:
-        if rule.needed and not any(rule.fits(path) for path in paths):
-            names = ", ".join(path.name for path in paths[:5]) + (", ..." if len(paths) > 5 else "")
-            raise RecordError(
-                f"{rule.origin}: {rule.pattern!r} fits none of the records ({names or 'none is given'}); correct the "
-                "pattern, or leave the rule out"
-            )
+        if any(rule.fits(path) for path in paths):
+            continue
+        names = ", ".join(path.name for path in paths[:5]) + (", ..." if len(paths) > 5 else "")
+        none = f"{rule.origin}: {rule.pattern!r} fits none of the records ({names or 'none is given'})"
+        if rule.needed or not mapped:
+            raise RecordError(f"{none}; correct the pattern, or leave the rule out")
+        said.append(f"{none}; it is not used")
+    return tuple(said)

@@ -43,7 +43,6 @@ def test_a_rule_that_fits_no_record_is_said() -> None:
     rule = Rule({"position": "x"}, "--column swep*.csv:position=x", "swep*.csv")
     with pytest.raises(RecordError, match=r"'swep\*.csv' fits none of the records \(sweep.csv\); correct the pattern"):
         check_used([rule], [Path("runs/sweep.csv")])
-    check_used([Rule({"position": "x"}, "a recipe", "*.mf4", needed=False)], [Path("sweep.csv")])
 
 
 def test_a_mapping_file_has_a_table_for_each_record(tmp_path: Path) -> None:
@@ -60,8 +59,22 @@ def test_a_mapping_file_has_a_table_for_each_record(tmp_path: Path) -> None:
     assert columns_for(Path("slow.csv"), rules) == columns_for(Path("sweep_3.csv"), rules)
     assert columns_for(Path("slow.csv"), rules).feedforward == "exc [V] * 35 N/V"
     assert columns_for(Path("moves.csv"), rules) == Columns(time="t [ms]")
-    with pytest.raises(RecordError, match=r"maps.toml: record 2: 'slow.csv' fits none of the records"):
-        check_used(rules, [Path("sweep_3.csv")])
+    assert [rule.pattern for rule in rules] == ["*", "sweep*.csv", "slow.csv"]
+
+
+def test_a_mapping_file_may_serve_calls_with_other_records(tmp_path: Path) -> None:
+    """Its patterns for sweeps had stopped a call that has none, although every record was mapped."""
+    path = tmp_path / "maps.toml"
+    path.write_text('[[record]]\nfiles = ["sweep*.csv", "moves.csv"]\nposition = "x [mm]"')
+    rules, all_files = read_rules(path), Rule({"time": "t"}, "[record] of the machine file")
+    for mapping in (rules, (all_files, *rules)):
+        (said,) = check_used(mapping, [Path("moves.csv")])
+        assert said.endswith("record 1: 'sweep*.csv' fits none of the records (moves.csv); it is not used")
+    assert len(check_used((all_files, *rules), [Path("swep_1.csv")])) == 2  # told, although it may be as intended
+    with pytest.raises(
+        RecordError, match=r"record 1: 'sweep\*.csv' fits none of the records \(moves.csv, swep_1.csv\)"
+    ):
+        check_used(rules, [Path("moves.csv"), Path("swep_1.csv")])
 
 
 @pytest.mark.parametrize(
