@@ -102,8 +102,8 @@ def loaded_of(
             names, least = ", ".join(map(str, paths)), math.ceil(sum(map(_samples, found)) / 1000) * 1000
             further = " or more" if len(found) < len(paths) else ""
             raise BadInputError(
-                f"{names}: hold more than {most:,} samples together; leave a record out, or give --most-samples "
-                f"{least}{further}, which takes {MEMORY} for each sample"
+                f"{names}: hold more than {most:,} samples together{_between(found)}; leave a record out, or give "
+                f"--most-samples {least}{further}, which takes {MEMORY} for each sample"
             )
     records = [one.content for one in found if isinstance(one.content, Record)]
     doubts = check(machine, records, paths, trusted=options.trust_records)
@@ -126,6 +126,17 @@ def filled(machine: Machine, one: Loaded) -> Loaded:
 
 def _samples(one: Loaded) -> int:
     return one.content.position.size if isinstance(one.content, Record) else 0
+
+
+def _between(found: Sequence[Loaded]) -> str:
+    """What is said of samples of the controller that no log has, which count as well."""
+    contents = [one.content for one in found if isinstance(one.content, Record)]
+    logged = sum(math.ceil(one.position.size / one.every) for one in contents)
+    return (
+        f", with those interpolated between the {logged:,} of the logs"
+        if any(one.every > 1 for one in contents)
+        else ""
+    )
 
 
 def disabled(names: Sequence[str], machine: Machine) -> tuple[str, ...]:

@@ -78,6 +78,19 @@ def test_motions_are_counted_as_the_machines_own_loop_cuts_them() -> None:
         check(drowsy, records, PATHS)
 
 
+def test_a_log_that_is_too_long_by_what_is_interpolated_says_so(tmp_path: Path) -> None:
+    """15,400 samples every 500 µs had held more than 120,000, of which nothing said where they were from."""
+    log = own_records.motions(MACHINE, 1).thinned(2)
+    count, path = log.position.size, tmp_path / "log.csv"
+    time = log.sample_time * np.arange(count)
+    rows = np.column_stack([time, log.command, log.position, log.reference])
+    np.savetxt(path, rows, fmt="%.12g", delimiter=",", header="time_s,command_N,position_m,reference_m", comments="")
+    options = DiagnosisOptions(record=(path,), most_samples=count + 1)
+    said = f"more than {count + 1:,} samples together, with those interpolated between the {count:,} of the logs; leave"
+    with pytest.raises(BadInputError, match=said):
+        loaded(MACHINE, options, lambda _share, _text: None)
+
+
 def test_a_log_of_every_nth_sample_is_filled_as_long_as_it_follows_the_loop() -> None:
     record = own_records.motions(MACHINE, 1)
     few = int(loop_time(MACHINE) / MACHINE.sample_time)
