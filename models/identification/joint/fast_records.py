@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from models.identification.estimate import LOOSE, Estimate, combined
 from models.identification.force import by_elements
 from models.identification.force.fit import ForceFit
@@ -55,9 +57,12 @@ def from_dynamics(found: Identified, kind: str, loaded: Loaded, settings: Settin
     """
     record = record_of(loaded)
     if reversals(record.position).size == 0:
+        excited = (
+            "name its kind excitation" if np.any(record.feedforward) else "map its column, --column feedforward=..."
+        )
         raise ValueError(
             "never turns round: in one direction friction is no other than an offset; record strokes there and back, "
-            "or name its kind excitation if a sweep or a multisine acts while it rolls"
+            f"or {excited} if a sweep or a multisine acts while it rolls"
         )
     band = settings.pass_band or fast_band(record, found.machine.plant.lowest_mode)
     likely = found.machine.plant.dead_time + lag_of(found.machine) + 0.5 * record.sample_time

@@ -92,9 +92,12 @@ def test_a_response_that_shows_nothing_is_refused_with_the_reason() -> None:
 
 def test_a_record_of_one_direction_shows_no_friction() -> None:
     """What is the friction's there may as well be an offset's, however much a force shakes the axis."""
-    rolls = Loaded("one_way.csv", "0", own_records.excitation(MACHINE, 1), (), ())
-    with pytest.raises(RecordError, match=r"one_way\.csv: never turns round: in one direction friction is no other"):
-        identify(MACHINE, [rolls], kinds=["dynamics"])
+    record = own_records.excitation(MACHINE, 1)
+    unmapped = replace(record, feedforward=np.zeros(record.feedforward.size))
+    for one, said in ((record, "name its kind excitation"), (unmapped, "map its column, --column feedforward=")):
+        rolls = Loaded("one_way.csv", "0", one, (), ())
+        with pytest.raises(RecordError, match=rf"one_way\.csv: never turns round: in one direction .* or {said}"):
+            identify(MACHINE, [rolls], kinds=["dynamics"])
 
 
 @pytest.mark.filterwarnings("error")
