@@ -7,7 +7,7 @@ controller (`diagnosis.where.added`), which accuses no controller. A log in whic
 or the command quantised by a converter, leaves noise that no other law explains; the resolution of the reading says
 how large that may be. On a coarse scale it may be a fifth of the command, and a difference that another controller
 halves, on the samples that it is fitted to, is none of it: far from zero a log of so many digits has coarser steps.
-n samples.
+Where the reference was rounded, it has to leave half of what it would leave if that were all. n samples.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
@@ -42,6 +43,7 @@ LEAST_COMPARED: Final = (
 EXPLAINS: Final = 0.01  # of the commands' standard deviation: what a structure may leave that is said to fit
 FORGOTTEN: Final = 20.0  # time constants of a filter after which nothing is left of what was before the record
 TRIED_DELAYS: Final = 3  # delays of the reference [samples], from 0 on, beside which another part of the law is tried
+SMOOTHED: Final = 21  # samples over which a cubic gives a rounded reference as it may have been before
 SMOOTH: Final = 200  # samples in motion, from which on a reference shows whether it was rounded
 OFTEN: Final = 0.1  # of the samples in motion, up to which fourth differences that are not 0 are a path's corners
 AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, from which on they are rounding
@@ -108,26 +110,23 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     if record.every > 1:
         why = f"its log has only one of {record.every} samples"
         return Replayed(False, 0.0, 0.0, 0.0, None, None, 0.0, every=record.every, why_not=why)
-    feedback, delay = machine.control.feedback, machine.control.reference_delay
     plain, made, begin = _plainly(machine, record, criteria)
     if plain.replays:
         return plain
     rms = plain.rms
-    remedies = itertools.chain(_remedies(record, feedback, delay, begin), _other_acceleration(record, machine, begin))
-    remedy, remains = min(remedies, key=lambda one: one[1])
+    remedy, remains = _best_remedy(machine, record, begin)
     late = next((shift for shift in SHIFTS if _logged_late(shift) == remedy), 0)
     noise = criteria.replay_log_noise * math.hypot(_rounded(machine, record), _reference_rounded(machine, record))
     most, mended = criteria.replay_log_extreme * noise, criteria.replay_remedy * rms
     signal = added(record, made, begin, max(noise, plain.tolerance))
-    least = min(remains, mended, signal.leaves if signal else np.inf)
     smooth = _between_jumps(record.feedforward[begin:], most)
     rating = machine.drive.rated_thrust
     largest = float(np.max(np.abs(_difference(record, made, begin, rating)[smooth]), initial=0.0))
     other = None
-    if least >= mended and rms < noise and largest < most:
+    if rms < noise and largest < most and (signal is None or signal.leaves >= mended):
         other = structure(record, begin)
-        there = float(np.std((record.command - made)[judged_samples(record, begin)]))
-        if other is None or other.leaves >= criteria.replay_remedy * there:
+        share, half = min(remains / rms, _share_left(record, other, made, begin)), criteria.replay_remedy
+        if share >= half or share >= half * _share_of_rounding(machine, record, begin):
             return replace(plain, tolerance=most, departs=None)
     # What is mapped to the feedforward and acts otherwise accuses no controller, though another law may do as well.
     by_law = signal is not None and not signal.mapped and remains <= signal.noise and remains < mended
@@ -140,6 +139,13 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     if other is None and remains > plain.tolerance:
         other = structure(record, begin)
     return replace(plain, remedy=best, remains=remains, structure=other, command_late=late if best else 0)
+
+
+def _best_remedy(machine: Machine, record: Record, begin: int) -> tuple[str, float]:
+    """The change of the law that leaves least of a record's commands, in words, and the rms difference [N] left."""
+    feedback, delay = machine.control.feedback, machine.control.reference_delay
+    remedies = itertools.chain(_remedies(record, feedback, delay, begin), _other_acceleration(record, machine, begin))
+    return min(remedies, key=lambda one: one[1])
 
 
 def reproduces(machine: Machine, record: Record, criteria: Criteria = Criteria()) -> bool:
@@ -222,6 +228,31 @@ def _reference_rounded(machine: Machine, record: Record) -> float:
     """Standard deviation [N] of the replay's error where the reference was: a fine position may be logged in steps that
     an acceleration feedforward makes newtons of."""
     return noise_gain(machine.control.feedback, record.sample_time, of="reference") * rounding(record.reference)
+
+
+def _share_left(record: Record, other: Structure | None, made: Array, begin: int) -> float:
+    """What another structure leaves of the commands, over what the stated law does that made (n,) [N]; rms over the
+    samples that it is fitted to [1]; 1 where there is none."""
+    there = float(np.std((record.command - made)[judged_samples(record, begin)]))
+    return 1.0 if other is None or there == 0 else other.leaves / there
+
+
+def _share_of_rounding(machine: Machine, record: Record, begin: int) -> float:
+    """The least that a remedy or another structure leaves over what the stated law does [1], where that is right and
+    the log has lost of its reference what `rounding` says, simulated: where the steps make more of a feedforward than
+    the motion does, a law with less of it leaves less."""
+    step = math.sqrt(12) * rounding(record.reference)
+    if step == 0:
+        return 1.0
+    feedback, delay, rating = machine.control.feedback, machine.control.reference_delay, machine.drive.rated_thrust
+    fine = replace(record, reference=scipy.signal.savgol_filter(record.reference, SMOOTHED, 3))
+    moves = np.diff(record.reference, prepend=record.reference[0]) != 0
+    lost = np.random.default_rng(0).uniform(-step / 2, step / 2, moves.size)
+    logged = replace(fine, reference=fine.reference + np.where(moves, lost, 0.0))
+    logged = replace(logged, command=replay(fine, feedback, delay, rating))
+    made = replay(logged, feedback, delay, rating)
+    remains = _best_remedy(machine, logged, begin)[1] / _rms(logged, made, begin)
+    return min(remains, _share_left(logged, structure(logged, begin), made, begin))
 
 
 def rounding(reference: Array) -> float:

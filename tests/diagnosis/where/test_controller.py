@@ -55,6 +55,30 @@ def test_a_rounded_reference_is_no_other_controller_where_feedforward_makes_much
     assert not replayed(axis(other), logged).replays
 
 
+@pytest.mark.parametrize("size", [0.02, 0.05])
+def test_a_law_that_has_less_of_a_rounded_reference_is_no_better_one(size: float) -> None:
+    """Of strokes so small that the steps make more of the feedforward than the motion does: a controller that was
+    exactly right was a mismatch, as a cascade with a fifth of its acceleration feedforward left a third."""
+    machine, step = axis(STRONG), 5e-8
+    record = simulate(machine, machine.feedback_only(), size * moves(6000), seed=1).record
+    logged = replace(record, reference=step * np.round(record.reference / step))
+    assert replayed(machine, record).replays
+    assert replayed(machine, logged).rms > np.std(record.command)
+    assert replayed(machine, logged).replays
+
+
+def test_another_law_is_told_where_the_controller_has_the_rounded_reference() -> None:
+    """A drive that is given counts: its log has lost nothing, however much rounding would make."""
+    machine, step = axis(STRONG), 1e-8
+    path = step * np.round(0.05 * moves(6000) / step)
+    record = simulate(machine, machine.feedback_only(), path, seed=1).record
+    assert rounding(record.reference) > 0
+    assert replayed(machine, record).replays
+    found = replayed(axis(replace(STRONG, acceleration_feedforward=44.0)), record)
+    assert 0 < found.rms < 1
+    assert not found.replays
+
+
 def test_a_command_that_the_rating_cuts_off_accuses_no_controller() -> None:
     """A few samples at the rated thrust, beyond which the law would go; cut off elsewhere, it is another controller."""
     machine = axis(STRONG)
