@@ -6,6 +6,7 @@ Motions of one kind repeat each other if they start from the same place in the s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,6 +29,7 @@ MIN_MOTION_LOOP_TIMES: Final = 5.5  # loop times: shorter motions are joined to 
 FEWEST: Final = 6  # motions that a diagnosis needs, because some are held out of every fit
 SAME_REFERENCE_STDS: Final = 5.0  # deviations of the reading: tolerance between the references of equal motions
 HALF_DECADE: Final = 10**0.5  # sizes of motions that this factor spans are of one kind
+MOST: Final = 0.5  # of a record, from which on motions that repeat make it periodic
 SAME_FORCE: Final = 1e-3  # tolerance between their feedforward, relative to its largest value
 
 
@@ -141,6 +143,25 @@ def repeated(
             near = [group for group in _near(groups, alike) if _equal(pieces[group[0]], piece, records, same)]
             (near[0] if near else groups.setdefault((*alike, i), [])).append(i)
     return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+
+def periods(
+    groups: Sequence[Sequence[int]], pieces: Sequence[Piece], records: Sequence[Record], least: int
+) -> tuple[float, ...]:
+    """The time [s] after which each record's motions repeat, `least` times or more in all; infinite where what repeats
+    after the usual time from a motion to the next equal one is less than half of a record."""
+    found = []
+    for number, record in enumerate(records):
+        starts = [[pieces[i].start for i in group if pieces[i].record == number] for group in groups]
+        pairs = [pair for one in starts for pair in pairwise(one)]
+        after = np.array([stop - start for start, stop in pairs])
+        usual = np.abs(after - np.median(after)) <= 1 if pairs else np.zeros(0, bool)
+        covered = np.zeros(record.position.size, bool)
+        for (start, stop), alike in zip(pairs, usual, strict=True):
+            covered[start:stop] |= alike
+        often = bool(np.mean(covered) >= MOST) and record.position.size >= least * float(np.mean(after[usual]))
+        found.append(float(np.mean(after[usual])) * record.sample_time if often else math.inf)
+    return tuple(found)
 
 
 def scatter(groups: Sequence[Sequence[int]], pieces: Sequence[Piece], signals: Sequence[Array]) -> tuple[Array, ...]:

@@ -18,11 +18,17 @@ import scipy
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit, cost_with
 from diagnosis.model.parallel import parallel_map
-from diagnosis.records.motions import repeated, scatter
+from diagnosis.records.motions import periods, repeated, scatter
 from diagnosis.records.units import noise
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.kinds import with_free_forms
-from diagnosis.which.random_force import SAME_FREQUENCY_RATIOS, RandomForce, is_about, strongest_random_force
+from diagnosis.which.random_force import (
+    SAME_FREQUENCY_RATIOS,
+    RandomForce,
+    is_about,
+    reductions,
+    strongest_random_force,
+)
 from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.base import parameters
@@ -124,7 +130,7 @@ def random_force(seen: View) -> Detected:
     loses = low + high <= 0  # at rest what it gains in motion, or the other way round
     if high < criteria.random_force_evenness or loses or found.steady < criteria.random_force_steadiness:
         return Detected()
-    if found.gain <= threshold:
+    if found.gain - gain_in_time(seen, found) <= threshold:
         return Detected()
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency) or _rings_unnamed(seen, found):
         return Detected()
@@ -148,6 +154,22 @@ def _rings_unnamed(seen: View, found: RandomForce) -> bool:
     return any(
         one.held_out > least and any(is_about(mode.frequency, about) for mode in one.effect.modes()) for one in findings
     )
+
+
+def gain_in_time(seen: View, found: RandomForce) -> float:
+    """What a random force gains of -2 log likelihood [1] in the records with whose motions it keeps time: within a
+    record's line of a multiple of the rate at which equal motions repeat, nothing tells it from a law of the motion."""
+    pieces, records, fitted = seen.baseline.pieces, seen.baseline.records, seen.fitted
+    groups = repeated(pieces, records, noise(fitted.candidate.nominal))
+    times = periods(groups, pieces, records, seen.baseline.criteria.min_equal_motions)
+    duration = np.array([record.position.size * record.sample_time for record in records])
+    cycles = found.resonance.frequency * np.array(times)
+    with np.errstate(invalid="ignore"):  # infinite times of records that repeat nothing
+        timed = np.abs(cycles - np.round(cycles)) < times / duration
+    if not timed.any():
+        return 0.0
+    gains = reductions(fitted, records, found.resonance)
+    return sum(float(np.sum(gained)) for gained, one in zip(gains, timed, strict=True) if one)
 
 
 def is_locked(fitted: Fit, baseline: Baseline, frequency: float) -> bool:

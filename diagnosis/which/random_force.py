@@ -98,7 +98,7 @@ def strongest_random_force(
         beside = [*_aside(best.resonance, fitted, records), *_of_whiter_forces(fitted, records)]
     line = best.resonance
     aside = max(beside, key=_whole)
-    whole, slow = (np.concatenate(one) for one in (_reductions(fitted, records, line), aside))
+    whole, slow = (np.concatenate(one) for one in (reductions(fitted, records, line), aside))
     own = whole - slow if np.sum(slow) > 0 else whole
     innovations = [seen.innovations for seen in fitted.residuals]
     loop = loop_time(fitted.candidate.nominal)
@@ -116,7 +116,7 @@ def _finer(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Random
         found, *(_strongest(fitted, records, frequency, one) for one in BANDWIDTHS[1:]), key=lambda one: one.gain
     )
     between = [replace(best.resonance, level=factor * best.resonance.level) for factor in LEVEL_FACTORS]
-    tried = [RandomForce(one, _whole(_reductions(fitted, records, one))) for one in between]
+    tried = [RandomForce(one, _whole(reductions(fitted, records, one))) for one in between]
     return max(best, *tried, key=lambda one: one.gain)
 
 
@@ -143,7 +143,7 @@ def _climbed(found: RandomForce, fitted: Fit, records: Sequence[Record]) -> Rand
         return found
     best = _uphill(found, higher, (width / 4, width / 40), fitted, records)
     line = replace(best.resonance, level=_level(best.resonance.frequency, fitted, records) or best.resonance.level)
-    seen = RandomForce(line, _whole(_reductions(fitted, records, line)))
+    seen = RandomForce(line, _whole(reductions(fitted, records, line)))
     seen = _uphill(seen, narrower, (1.0, 0.25), fitted, records)
     return seen if seen.gain > MIN_REFINED_GAIN else best
 
@@ -197,7 +197,7 @@ def _uphill(
     while step >= least:
         for size in (step, -step):
             line = moved(found.resonance, size)
-            other = RandomForce(line, _whole(_reductions(fitted, records, line)))
+            other = RandomForce(line, _whole(reductions(fitted, records, line)))
             if other.gain > found.gain:
                 found = other
                 break
@@ -207,8 +207,8 @@ def _uphill(
 
 
 def _aside(line: Resonance, fitted: Fit, records: Sequence[Record]) -> list[list[Array]]:
-    """`_reductions` by the same force at the frequencies beside its own."""
-    return [_reductions(fitted, records, replace(line, frequency=line.frequency * factor)) for factor in ASIDE]
+    """`reductions` by the same force at the frequencies beside its own."""
+    return [reductions(fitted, records, replace(line, frequency=line.frequency * factor)) for factor in ASIDE]
 
 
 def at_rest(record: Record, machine: Machine) -> NDArray[np.bool_]:
@@ -253,7 +253,7 @@ def _strongest(fitted: Fit, records: Sequence[Record], frequency: float, bandwid
     best: RandomForce | None = None
     for level in levels(white_force(nominal), usual_force(nominal)):
         resonance = Resonance(frequency, bandwidth, level)
-        found = RandomForce(resonance, _whole(_reductions(fitted, records, resonance)))
+        found = RandomForce(resonance, _whole(reductions(fitted, records, resonance)))
         if best is not None and found.gain < best.gain:
             break
         best = found
@@ -277,14 +277,14 @@ def steadiness(
     return float(np.median(power) / np.mean(power))
 
 
-def _reductions(fitted: Fit, records: Sequence[Record], resonance: Resonance) -> list[Array]:
+def reductions(fitted: Fit, records: Sequence[Record], resonance: Resonance) -> list[Array]:
     """By how much a random force reduces -2 log likelihood, sample by sample (n,) of each record [1]."""
     with_it = replace(fitted.candidate, random_forces=(*fitted.candidate.random_forces, resonance))
     return _reduced_by(with_it, fitted, records)
 
 
 def _of_whiter_forces(fitted: Fit, records: Sequence[Record]) -> list[list[Array]]:
-    """`_reductions` by white forces of WHITER_FACTORS times the fit's, up to the one from which on a larger one gains
+    """`reductions` by white forces of WHITER_FACTORS times the fit's, up to the one from which on a larger one gains
     less. A drive whose force scatters a little more than its model's had a floor vibration of 39 mN in place of 10 mN
     of noise: of all lines, that gains the most to which the loop is most sensitive."""
     candidate, found = fitted.candidate, list[list[Array]]()

@@ -94,6 +94,7 @@ def test_what_a_mode_that_must_not_be_used_rings_is_no_floor(
 
     monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: line)
     monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    monkeypatch.setattr(detectors, "gain_in_time", lambda *_: 0.0)
     monkeypatch.setattr(detectors, "scan", scanned)
     fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=(), random_forces=()))
     baseline: Any = SimpleNamespace(

@@ -18,7 +18,9 @@ from diagnosis.records.motions import pieces, repeated
 from diagnosis.which import detectors
 from diagnosis.which.detectors import is_locked, random_force, view
 from diagnosis.which.random_force import RandomForce
-from models.effects.structure import AdditionalMode
+from models.effects.structure import AdditionalMode, FloorVibration
+from models.simulation.simulator import simulate
+from tests.diagnosis.slow import leg, moved
 from tests.diagnosis.tables import recorded, short, table
 
 MACHINE = table()
@@ -73,3 +75,26 @@ def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
     monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: found)
     monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
     assert bool(random_force(view(begun.nominal, begun, (), (), {})).proposals) == proposed
+
+
+@pytest.mark.parametrize(
+    ("cycles", "varied", "proposed"), [(30.04, False, False), (30.5, False, True), (30.04, True, True)]
+)
+def test_a_tone_that_keeps_time_with_equal_motions_is_no_floor(cycles: float, varied: bool, proposed: bool) -> None:
+    """Strokes to and fro for 12 s, beside a tone of 30.04 or of 30.5 cycles a period, and varied motions beside the
+    first: a heavy motion that was repeated left nearly its harmonics, whose phase drifts, which had a floor's name."""
+    machine = leg(500.0)
+    machine = replace(machine, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+    shaken = replace(machine, effects=(FloorVibration(0.2, cycles / 0.8, 0.0),))
+    share = np.linspace(0, 1, 120)
+    stroke = 0.3 * share**3 * (10 - 15 * share + 6 * share**2)
+    path = np.tile(np.concatenate([stroke, np.full(80, 0.3), 0.3 - stroke, np.zeros(80)]), 15)
+    record = moved(shaken, 2, 6000) if varied else simulate(shaken, shaken.feedback_only(), path, seed=2).record
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    seen = view(fitted, Baseline(fitted, (record,), pieces([record]), Null({}, (), ())), (), (), {})
+    found = random_force(seen).proposals
+    assert bool(found) == proposed
+    if found:
+        assert found[0].random_force is not None
+        assert found[0].random_force.frequency == pytest.approx(cycles / 0.8, abs=0.2)
