@@ -183,8 +183,10 @@ def _require_smooth(records: Sequence[Record], null: StartedNull, criteria: Crit
     if usual[worst] > criteria.filled_most_left:
         raise RecordError(
             f"record {worst + 1}: has one of {records[worst].every} samples of the controller, and its commands jump "
-            f"more than these show: interpolation leaves {usual[worst]:.2g} times what the scale's noise does where "
-            "nothing is wrong; log more of the samples, for a shorter time or of fewer signals"
+            "more than these show, along a reference that steps or as the loop answers the noise of every reading: "
+            f"interpolation leaves {usual[worst]:.2g} times what the scale's noise does where nothing is wrong, of "
+            f"{criteria.filled_most_left:g} at most; log all of the samples or more of them, for a shorter time or of "
+            "fewer signals"
         )
 
 

@@ -13,6 +13,9 @@ from models.quantity import show
 
 Array = NDArray[np.float64]
 
+# Of the largest difference from sample to sample, by which a cubic spline is beyond both: 0.10 at a step, 0.08
+# where a speed steps, next to nothing along a smooth path.
+STEP_OVERSHOOT: Final = 0.05
 BETWEEN_STEPS: Final = 20  # samples for which a target that steps stays, at least
 
 
@@ -71,14 +74,26 @@ class Record:
         return Record(every * self.sample_time, *(signal[::every] for signal in signals), columns=columns)
 
     def filled(self, every: int) -> Record:
-        """The record with `every` samples where it has one: command and position along cubic splines, reference and
-        feedforward along curves that do not overshoot, the target held. Its columns are left out."""
+        """The record with `every` samples where it has one: all along cubic splines, but a reference or a feedforward
+        that steps along a curve that does not overshoot, the target held. Its columns are left out."""
         count = self.position.size
         at, fine = np.arange(count, dtype=float), np.arange((count - 1) * every + 1) / every
         command, position = (CubicSpline(at, signal)(fine) for signal in (self.command, self.position))
-        reference, feedforward = (PchipInterpolator(at, one)(fine) for one in (self.reference, self.feedforward))
+        reference, feedforward = (_without_overshoot(at, one, fine) for one in (self.reference, self.feedforward))
         target = self.target[np.floor(fine + 1e-9).astype(int)]
         return Record(self.sample_time / every, target, reference, feedforward, command, position, every=every)
+
+
+def _without_overshoot(at: Array, signal: Array, fine: Array) -> Array:
+    """A signal (n,) [any unit] at finer places (m,): along a cubic spline, whose second derivative is continuous as an
+    acceleration feedforward asks, unless somewhere it overshoots as at a step; then along a curve that does not."""
+    spline = CubicSpline(at, signal)(fine)
+    left = np.minimum(np.floor(fine).astype(int), at.size - 2)
+    low, high = (least(signal[left], signal[left + 1]) for least in (np.minimum, np.maximum))
+    beyond = np.max(np.maximum(spline - high, low - spline))
+    if beyond < STEP_OVERSHOOT * np.max(np.abs(np.diff(signal))):
+        return np.asarray(spline, float)
+    return np.asarray(PchipInterpolator(at, signal)(fine), float)
 
 
 @dataclass(frozen=True)
