@@ -154,12 +154,17 @@ def identify(
 
 def _made(fit: MotionFit) -> MotionFit:
     """The fit, of which the simulated loop makes at least a part of the command. Raises UnusableError."""
-    left, whole = float(np.std(fit.command - fit.modelled)), float(np.std(fit.command))
+    _check_follows(fit.command, fit.modelled)
+    return fit
+
+
+def _check_follows(command: Array, modelled: Array) -> None:
+    """That a simulated loop makes at least a part of a command (n,), both [N]. Raises UnusableError."""
+    left, whole = float(np.std(command - modelled)), float(np.std(command))
     if not left < whole:  # nor is it so of nan
         raise UnusableError(
             f"the simulated loop leaves {show(left, 'N', 2)} of a command of {show(whole, 'N', 2)} (root mean square)"
         )
-    return fit
 
 
 def begin(record: Record) -> int:
@@ -196,6 +201,7 @@ def _converged(job: _Job, theta: Array, iterations: int) -> tuple[Array, Array]:
         if iteration > 1 and (settled or (small and iteration + 1 >= USUAL_STEPS)):
             return theta, filter_
     if not small:
+        _check_follows(job.record.command, command)  # else what it leaves tells no value at all
         raise UnusableError(_unsettled(theta, moved / np.maximum(deviations, 1e-300), iterations))
     return theta, filter_
 
