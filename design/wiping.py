@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from design.controller import usable_thrust
 from design.friction_compensation import with_force
 from design.validation import respond
-from models.controller import Controller, References
-from models.deployment.coefficients import STEEPEST
+from models.controller import Controller, References, compensator_path
+from models.deployment.coefficients import STEEPEST, planned
 from models.friction import Friction, follow
 from models.machine import Machine
 from models.records.record import motions
@@ -107,20 +107,31 @@ class FromStarts:
     apart: float
 
 
+def after_wipe(machine: Machine, controller: Controller, target: Array, virgin: References) -> References:
+    """x_T*, u_ff and u_rf (n,) [m], [N] of a controller over a target (n,) [m] after the machine's wipe: of elements
+    that were led along it, and of what the effects ask for from there on. virgin: those from the virgin state."""
+    past, rfm = wipe_references(machine, wipe(machine))[0].position, controller.friction_compensation
+    known = virgin if rfm is None else carried_on(rfm, past, compensator_path(controller, target), virgin)
+    if controller.effect_compensation is None:
+        return known
+    more = np.array(planned(controller, target, past)) - np.array(planned(controller, target))
+    return References(known.position, known.feedforward, known.compensation + more)
+
+
 def from_starts(
     machine: Machine,
     controller: Controller,
     compensator: Friction,
-    path: Array,
     given: References,
+    wiped: References,
     target: Array,
     starts: Array,
     seed: int = 0,
 ) -> FromStarts:
     """What each of the elements' `starts` (count, N) [m] costs in the motions of a target (n,) [m].
 
-    given: x_T*, u_ff and u_rf over the target from the virgin state, for which the compensator's elements are led along
-    `path` (n,) [m]. Settled is what stays within the machine's specified tolerance [m]; seed: of the scale's noise.
+    given, wiped: x_T*, u_ff and u_rf over the target from the virgin state of the compensator's elements, and after the
+    machine's wipe. Settled is what stays within the machine's specified tolerance [m]; seed: of the scale's noise.
     """
     machines, tolerance = [machine] * len(starts), machine.specification.tolerance
 
@@ -137,11 +148,10 @@ def from_starts(
         )
 
     known, _ = wipe_references(machine, wipe(machine))
-    wiped = list(respond(machines, controller, known.position, given=known, seed=seed, initial_friction=list(starts)))
-    elements, ends = [one.elements for one in wiped], follow(compensator, known.position)[0][-1]
+    ran = respond(machines, controller, known.position, given=known, seed=seed, initial_friction=list(starts))
+    elements, ends = [one.elements for one in ran], follow(compensator, known.position)[0][-1]
     apart = max(abs(float(np.dot(machine.friction.stiffness, one)) - float(ends)) for one in elements)
-    after = settling(elements, carried_on(compensator, known.position, path, given))
-    return FromStarts(settling(list(starts), given), after, apart)
+    return FromStarts(settling(list(starts), given), settling(elements, wiped), apart)
 
 
 def wipe_to_json(one: Wipe) -> dict[str, Any]:

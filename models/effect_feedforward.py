@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 SUBSTEPS: Final = 4  # substeps of an interval of the thrust
 ROUNDS: Final = 2
 BEFORE: Final = 3  # intervals of rest before the start, the first of which no motion reaches
+NOWHERE: Final = np.zeros(0)  # the past of contacts that are virgin
 NO_FRICTION: Final = elements([0.0], [1.0])
 
 
@@ -42,22 +43,29 @@ class EffectFeedforward:
 
 
 def effect_thrust(
-    feedforward: EffectFeedforward, friction: Friction | None, position: Array, thrust: Array, sample_time: float
+    feedforward: EffectFeedforward,
+    friction: Friction | None,
+    position: Array,
+    thrust: Array,
+    sample_time: float,
+    past: Array = NOWHERE,
 ) -> Array:
     """The thrust c (n,) [N] that meets the effects along x_T* `position` (n,) [m], from rest at 0 before its start.
 
-    friction: the compensator's elements, virgin at the start; thrust (n,) [N]: all else that is put out. What the
-    effects ask for at rest at the start is held by the feedback, so c is the departure from it.
+    friction: the compensator's elements; past (m,) [m]: where the table went before, from rest at 0 and back, as in a
+    wipe, before which they are virgin; thrust (n,) [N]: all else that is put out. What the effects ask for at rest at
+    the start is held by the feedback, so c is the departure from it.
     """
-    contacts, path = friction or NO_FRICTION, _path(position, sample_time, feedforward.fractional_delay)
-    known = np.concatenate([np.zeros(BEFORE), thrust])
+    whole = np.concatenate([past, position])
+    contacts, path = friction or NO_FRICTION, _path(whole, sample_time, feedforward.fractional_delay)
+    known = np.concatenate([np.zeros(BEFORE + past.size), thrust])
     plain = replay(contacts, (), path._replace(command=known), 0.0).friction
     added = np.zeros(known.size)
     for _ in range(ROUNDS):
         sent = known + added
         met = replay(contacts, feedforward.effects, path._replace(command=sent), 0.0, start=0.0)
         added = sent + np.mean(met.friction - plain - met.force - met.thrust, axis=1)
-    return np.asarray(added[BEFORE:] - added[0], float)
+    return np.asarray(added[BEFORE + past.size :] - added[past.size], float)
 
 
 def _path(position: Array, sample_time: float, delay: float) -> Path:

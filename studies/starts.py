@@ -21,15 +21,15 @@ def cost_of_starts(
     machine: Machine,
     controller: Controller,
     compensator: Friction,
-    path: Array,
     given: References,
+    wiped: References,
     target: Array,
     count: int,
     seed: int,
 ) -> dict[str, Any]:
     """Settling of each motion of a target (n,) [m] over `count` random starts, for results.json; see `from_starts`."""
     starts = reached_states(machine.friction, count, seed)
-    found = from_starts(machine, controller, compensator, path, given, target, starts, seed)
+    found = from_starts(machine, controller, compensator, given, wiped, target, starts, seed)
     return {
         "starts": count,
         "tolerance_m": machine.specification.tolerance,

@@ -18,10 +18,12 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from models.controller import PID, Controller, ControllerError, References, load, references
 from models.deployment.learning_numbers import Learning, learning_numbers
+from models.effect_feedforward import NOWHERE, effect_thrust
 from models.feedback.law import POSITION, REFERENCE, Law
 
 Row = tuple[float, ...]
@@ -215,11 +217,15 @@ def _numbers(content: Mapping[str, Any], name: str) -> Row:
     return numbers
 
 
-def planned(controller: Controller, target: ArrayLike) -> Row:
+def planned(controller: Controller, target: ArrayLike, past: ArrayLike = NOWHERE) -> Row:
     """The thrust [N] that `effect_compensation` asks for beside the compensator's elements, over a target (n,) [m] from
-    rest at 0: it looks ahead, so that a drive has to play it as a table."""
-    if controller.effect_compensation is None:
+    rest at 0 and after a `past` (m,) [m], see `effect_thrust`: it looks ahead, so that a drive has to play it as a
+    table."""
+    ahead = controller.effect_compensation
+    if ahead is None:
         return ()
-    whole: References = references(controller, target)
-    bare = references(replace(controller, effect_compensation=None), target)
-    return tuple((whole.compensation - bare.compensation).tolist())
+    bare: References = references(replace(controller, effect_compensation=None), target)
+    thrust, friction = bare.feedforward + bare.compensation, controller.friction_compensation
+    return tuple(
+        effect_thrust(ahead, friction, bare.position, thrust, controller.sample_time, np.asarray(past)).tolist()
+    )

@@ -31,8 +31,8 @@ from design.judging.known_range import excess_of, excess_to_json
 from design.judging.long_moves import moves_to_json
 from design.linear_response import linear_response
 from design.validation import LONGER_PERIODS, PERIODS, Validation, sequence, validate
-from design.wiping import wipe, wipe_to_json
-from models.controller import Controller, compensator_path, references
+from design.wiping import after_wipe, wipe, wipe_to_json
+from models.controller import Controller, references
 from models.friction import Friction, branch
 from models.machine import Machine
 from models.machines.consistency import MAX_SETTLING_SAMPLES
@@ -245,8 +245,8 @@ def _starts(
         return None
     given, few = references(controller, target), options.quick or machine.effects
     count = FEW_STARTS if few else min(max(START_SAMPLES // target.size, FEW_STARTS), STARTS)
-    path = compensator_path(controller, target)
-    return cost_of_starts(machine, controller, rfm, path, given, target, count, options.seed)
+    wiped = after_wipe(machine, controller, target, given)
+    return cost_of_starts(machine, controller, rfm, given, wiped, target, count, options.seed)
 
 
 def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress) -> None:
