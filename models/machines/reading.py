@@ -39,6 +39,7 @@ ENTRY: Final = (
 )  # keys of a value that is written as a table
 MOST_ERRORS: Final = 1000  # that deviations have in common: more than a file has values
 ROUNDED: Final = 1e-6  # by how much shares that are rounded may be more than 1 together
+MOST_NAMED: Final = 20  # entries that a message names, where none is near to what stands in the file
 
 Part = TypeVar("Part")
 
@@ -292,7 +293,12 @@ def _cut_key(key: str) -> str:
 
 def _nearest(key: str, known: list[str]) -> str:
     close = difflib.get_close_matches(key[:60], known, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
+    if close:
+        return f"did you mean {close[0]!r}?"
+    if len(known) <= MOST_NAMED:
+        return f"known here: {', '.join(known)}"
+    nearest = difflib.get_close_matches(key[:60], known, n=MOST_NAMED, cutoff=0.0)
+    return f"of {len(known)} that are known here the nearest are {', '.join(nearest)}"
 
 
 def unit_hint(declared: Declaration | None) -> str:
