@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from diagnosis.baseline import Baseline
 from diagnosis.model.fit import Fit, cost_with
@@ -91,6 +92,7 @@ def catalogue_scan(seen: View) -> Detected:
         )
         for finding in findings
     ]
+    proposals = [replace(one, gain=0.0, in_sample_gain=0.0) if _keeps_time(one, seen) else one for one in proposals]
     return Detected(tuple(_from_afar(seen, one) for one in proposals), columns)
 
 
@@ -156,19 +158,33 @@ def _rings_unnamed(seen: View, found: RandomForce) -> bool:
     )
 
 
+def _keeps_time(proposal: Proposal, seen: View) -> bool:
+    """Whether a law repeats in time as the motions of all records do, so that nothing tells it from one of them."""
+    effect = proposal.effect
+    assert effect is not None
+    items = [item for item in parameters(type(effect)) if item.role == "period" and item.periodic_in == "time"]
+    numbers = [(getattr(effect, item.name), item.is_frequency) for item in items]
+    return bool(items) and all(bool(in_time(number if per else 1 / number, seen).all()) for number, per in numbers)
+
+
+def in_time(frequency: float, seen: View) -> NDArray[np.bool_]:
+    """By record, whether a frequency [Hz] is within a line of it of a multiple of the rate at which motions repeat."""
+    pieces, records = seen.baseline.pieces, seen.baseline.records
+    groups = repeated(pieces, records, noise(seen.fitted.candidate.nominal))
+    times = periods(groups, pieces, records, seen.baseline.criteria.min_equal_motions)
+    duration = np.array([record.position.size * record.sample_time for record in records])
+    cycles = frequency * np.array(times)
+    with np.errstate(invalid="ignore"):  # infinite times of records that repeat nothing
+        return np.asarray(np.abs(cycles - np.round(cycles)) < times / duration)
+
+
 def gain_in_time(seen: View, found: RandomForce) -> float:
     """What a random force gains of -2 log likelihood [1] in the records with whose motions it keeps time: within a
     record's line of a multiple of the rate at which equal motions repeat, nothing tells it from a law of the motion."""
-    pieces, records, fitted = seen.baseline.pieces, seen.baseline.records, seen.fitted
-    groups = repeated(pieces, records, noise(fitted.candidate.nominal))
-    times = periods(groups, pieces, records, seen.baseline.criteria.min_equal_motions)
-    duration = np.array([record.position.size * record.sample_time for record in records])
-    cycles = found.resonance.frequency * np.array(times)
-    with np.errstate(invalid="ignore"):  # infinite times of records that repeat nothing
-        timed = np.abs(cycles - np.round(cycles)) < times / duration
+    timed = in_time(found.resonance.frequency, seen)
     if not timed.any():
         return 0.0
-    gains = reductions(fitted, records, found.resonance)
+    gains = reductions(seen.fitted, seen.baseline.records, found.resonance)
     return sum(float(np.sum(gained)) for gained, one in zip(gains, timed, strict=True) if one)
 
 

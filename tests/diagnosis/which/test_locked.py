@@ -16,7 +16,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.null import Null
 from diagnosis.records.motions import pieces, repeated
 from diagnosis.which import detectors
-from diagnosis.which.detectors import is_locked, random_force, view
+from diagnosis.which.detectors import catalogue_scan, is_locked, random_force, view
 from diagnosis.which.random_force import RandomForce
 from models.effects.structure import AdditionalMode, FloorVibration
 from models.simulation.simulator import simulate
@@ -95,6 +95,8 @@ def test_a_tone_that_keeps_time_with_equal_motions_is_no_floor(cycles: float, va
     seen = view(fitted, Baseline(fitted, (record,), pieces([record]), Null({}, (), ())), (), (), {})
     found = random_force(seen).proposals
     assert bool(found) == proposed
+    (sine,) = catalogue_scan(replace(seen, negligible=machine.kinds.keys() - {FloorVibration.name})).proposals
+    assert (sine.gain > Criteria().min_gain) == proposed
     if found:
         assert found[0].random_force is not None
         assert found[0].random_force.frequency == pytest.approx(cycles / 0.8, abs=0.2)
