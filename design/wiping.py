@@ -81,6 +81,12 @@ def wipe_references(machine: Machine, one: Wipe) -> tuple[References, NDArray[np
     return References(position, thrust, np.zeros(position.size)), np.array([out.size - 1, position.size - 1])
 
 
+def wipe_path(machine: Machine) -> Array:
+    """x_T* (m,) [m] of a machine's wipe, from rest at 0 and back: what its contacts, and the compensator's, have behind
+    them in the first motion after it."""
+    return wipe_references(machine, wipe(machine))[0].position
+
+
 def carried_on(friction: Friction, past: Array, path: Array, virgin: References) -> References:
     """`virgin` with the u_rf [N] of elements that were led along `past` (m,) and are now led along `path` (n,) [m].
 
@@ -110,7 +116,7 @@ class FromStarts:
 def after_wipe(machine: Machine, controller: Controller, target: Array, virgin: References) -> References:
     """x_T*, u_ff and u_rf (n,) [m], [N] of a controller over a target (n,) [m] after the machine's wipe: of elements
     that were led along it, and of what the effects ask for from there on. virgin: those from the virgin state."""
-    past, rfm = wipe_references(machine, wipe(machine))[0].position, controller.friction_compensation
+    past, rfm = wipe_path(machine), controller.friction_compensation
     known = virgin if rfm is None else carried_on(rfm, past, compensator_path(controller, target), virgin)
     if controller.effect_compensation is None:
         return known

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from design.validation import sequence
-from design.wiping import wipe, wipe_references, wipe_to_json
+from design.wiping import wipe, wipe_path, wipe_to_json
 from models.controller import Controller, to_json
 from models.deployment.coefficients import deployment_to_json, planned
 from models.machine import Machine
@@ -25,6 +25,7 @@ def controller_to_json(
         "wipe": wipe_to_json(wipe(machine)),
     }
     if controller.effect_compensation is not None:
-        target, past = sequence(machine, stroke, periods=1), wipe_references(machine, wipe(machine))[0].position
-        content["effect_compensation"]["plan"] = {"target_m": target, "thrust_N": planned(controller, target, past)}
+        target = sequence(machine, stroke, periods=1)
+        thrust = planned(controller, target, wipe_path(machine))
+        content["effect_compensation"]["plan"] = {"target_m": target, "thrust_N": thrust}
     return content

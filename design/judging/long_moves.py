@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from design.controller import usable_thrust
 from design.deadbeat import DesignError
-from design.wiping import FASTEST, wipe, wipe_references
+from design.wiping import FASTEST, wipe_path
 from models.controller import Controller, references
 from models.deployment.coefficients import STEEPEST, planned
 from models.machine import Machine
@@ -181,7 +181,6 @@ def moves_to_json(machine: Machine, controller: Controller, moves: Sequence[Long
     """The moves as controller.json holds them, and the longest step that needs none; where effects are compensated with
     the thrust that they ask for on each, after the wipe, there and back from rest at 0, up to a settling time behind
     either profile."""
-    past = wipe_references(machine, wipe(machine))[0].position
 
     def content(move: LongMove) -> dict[str, Any]:
         told = {"stroke_m": move.stroke, "duration_s": move.duration}
@@ -190,7 +189,8 @@ def moves_to_json(machine: Machine, controller: Controller, moves: Sequence[Long
         settling = machine.specification.settling_time / machine.sample_time
         way = move.target(machine.sample_time, len(controller.n_ff) + math.ceil(settling))
         target = np.append(way, move.stroke - way)
-        return {**told, "plan": {"target_m": target.tolist(), "thrust_N": planned(controller, target, past)}}
+        thrust = planned(controller, target, wipe_path(machine))
+        return {**told, "plan": {"target_m": target.tolist(), "thrust_N": thrust}}
 
     return {
         "largest_step_m": largest_step(machine, controller),

@@ -32,7 +32,7 @@ class AdditionalMode(Effect):
 
 
 @dataclass(frozen=True)
-class FrictionDrivenMode(Effect):
+class FrictionDrivenMode(AdditionalMode):
     """A vibration mode that the friction drives and the thrust does not, as the two act on different parts of the
     structure, with a spring between.
 
@@ -42,20 +42,11 @@ class FrictionDrivenMode(Effect):
     """
 
     name: ClassVar = "friction_driven_mode"
-    family: ClassVar = "structure"
     coordinate: ClassVar = "friction"
-    parity: ClassVar = "odd"
-    remembers: ClassVar = True
     equation: ClassVar = r"x=K_t\left[P'(s)\,(u-F)-\frac{k}{s^2+2\zeta\omega s+\omega^2}\,F\right]"
     source: ClassVar = "Ewins 2000, Modal testing (receptances of two points); sizes assumed: a fifth of 1/M to 9/M"
     friction_drives: ClassVar = True
     gain: float = parameter("1/kg", "modal gain k", 5e-3, 0.2, "amplitude", at_least=0)
-    frequency: float = parameter("Hz", "natural frequency", 100.0, 400.0, "shape", points=8, above=0)
-    damping: float = parameter("1", "damping ratio", 5e-3, 5e-2, "shape", points=2, at_least=0, below=1)
-
-    def modes(self) -> tuple[Mode, ...]:
-        """The mode, unless its gain is 0."""
-        return (Mode(self.gain, self.frequency, self.damping),) if self.gain != 0 else ()
 
 
 @hook

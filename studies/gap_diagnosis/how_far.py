@@ -50,7 +50,7 @@ def _modes_kept(far: Results) -> list[str]:
         return []
     return [
         f"The vibration modes in improved.toml are as the machine file knows them: a fit to these records alone moves "
-        f"one by {moved:,.0f} of its stated deviations, and leaves no less than half."
+        f"one by {moved:,.0f} of its stated deviations, and does not surely leave less than half."
     ]
 
 

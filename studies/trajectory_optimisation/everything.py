@@ -13,7 +13,7 @@ from design.trajectory.compensator import EVALUATIONS
 from design.trajectory.learning import looked_at, motions_to_learn, path_to_learn
 from design.trajectory.schemes import Scheme, Wanted
 from design.validation import BATCH, sequence
-from design.wiping import carried_on, wipe, wipe_references, wipe_to_json
+from design.wiping import carried_on, wipe, wipe_path, wipe_to_json
 from models.friction import reached_states
 from models.machine import Machine
 from models.quantity import keeps_to
@@ -145,5 +145,5 @@ def _starts(machine: Machine, scheme: Scheme, wanted: Wanted, count: int, seed: 
     fine = replace(machine, specification=replace(machine.specification, tolerance=wanted.tolerance))
     target = sequence(machine, wanted.stroke, 1)
     given, path = scheme.references(scheme.known, target), scheme.path(target)
-    wiped = carried_on(scheme.known, wipe_references(fine, wipe(fine))[0].position, path, given)
+    wiped = carried_on(scheme.known, wipe_path(fine), path, given)
     return cost_of_starts(fine, scheme.controller, scheme.known, given, wiped, target, count, seed)

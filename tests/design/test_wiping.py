@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from design.controller import default_controller
 from design.effect_compensation import with_effects
 from design.validation import sequence
-from design.wiping import after_wipe, carried_on, from_starts, wipe, wipe_references, wipe_to_json
+from design.wiping import after_wipe, carried_on, from_starts, wipe, wipe_path, wipe_references, wipe_to_json
 from models.controller import compensator_path, references
 from models.effects.friction_laws import Stribeck
 from models.friction import deflections, elements, follow, reached_states
@@ -105,7 +105,7 @@ def test_effects_are_met_from_where_the_contacts_stand_after_a_wipe() -> None:
     rfm = controller.friction_compensation
     assert rfm is not None
     virgin, starts = references(controller, target), reached_states(axis.friction, 3, seed=4)
-    past, path = wipe_references(axis, wipe(axis))[0].position, compensator_path(controller, target)
+    past, path = wipe_path(axis), compensator_path(controller, target)
     alike = carried_on(rfm, past, path, virgin)  # as if the effects asked for the same as from the virgin state
     slow, quick = (
         float(np.max(from_starts(axis, controller, rfm, virgin, one, target, starts).wiped))

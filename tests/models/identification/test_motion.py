@@ -87,13 +87,15 @@ def test_what_friction_remembers_at_the_start_does_not_mislead_a_motion_fit() ->
 
 
 def test_motions_of_another_machine_end_in_one_sentence() -> None:
-    """With the command's sign turned round, steps wander about and come to nothing: where they end, the loop makes
-    nothing of the command or a value moves still, which hangs on the rounding. A presliding length that is 30 times too
-    large runs away, and it is told that it is the length."""
+    """With the command's sign turned round, no loop makes anything of it, wherever the steps wander; a presliding
+    length that is 30 times too large runs away, and it is told that it is the length; and of a fit that had too few
+    steps it is told what still moves."""
     record = own_records.motions(own_records.noisy(MACHINE), 1).part(0, 4000)
-    ends = r"(has not settled after 12 steps: the .* standard deviations|loop leaves .* \(root mean square\))$"
-    with pytest.raises(UnusableError, match=ends):
+    with pytest.raises(UnusableError, match=r"the simulated loop leaves .* of a command of .* \(root mean square\)$"):
         motion.identify(replace(record, command=-record.command), MACHINE, iterations=12)
+    heavy = own_records.motions(varied(MACHINE, Variation(mass=1.5)), 5, MACHINE)
+    with pytest.raises(UnusableError, match=r"has not settled after 3 steps: the mass .* standard deviations$"):
+        motion.identify(heavy, MACHINE, iterations=3)
     long = varied(MACHINE, Variation(friction_length=29.0))
     with pytest.raises(UnusableError, match=r"does not converge: the presliding length runs away, to 0\.05 times that"):
         motion.identify(own_records.motions(MACHINE, 5), long)
