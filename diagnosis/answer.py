@@ -115,7 +115,7 @@ def _explained(
         force_excess=closure.force_excess,
         largest_innovation=largest(fitted).deviations,
         spike=baseline.spike,
-        parameter_shift=shifts(stages[0].fitted).gain(),
+        parameter_shift=shifts(stages[0].fitted, baseline.null.bias()).gain(),
     )
     return explains, closure
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import call
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.null import Null, StartedNull, start_null
 from diagnosis.records.motions import Piece, numbered, pieces
 from diagnosis.records.units import loop_time, with_units
-from diagnosis.refit import CALLED, refit_under, weighed, within_rating
+from diagnosis.refit import CALLED, weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
@@ -28,8 +27,6 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 
 Array = NDArray[np.float64]
-# Times the usual white force, until the re-fit moves no value where nothing is wrong.
-WHITE_FORCE_FACTORS: Final = (3.0, 10.0)
 Progress = Callable[[float, str], None]
 
 
@@ -40,8 +37,7 @@ class Baseline:
 
     known_replays: of the controller on the records as they were logged, where signals that were added behind the
     controller have gone into their feedforward. given: the machine as its file has it, where it has fewer friction
-    elements than the records show. biased: nominal values that the re-fit would move where nothing is wrong, by how
-    many of their tolerances [1]; where these are many, the weights are those of a rougher drive."""
+    elements than the records show."""
 
     nominal: Fit
     records: tuple[Record, ...]
@@ -50,7 +46,6 @@ class Baseline:
     criteria: Criteria = Criteria()
     known_replays: tuple[Replayed, ...] = ()
     given: Machine | None = None
-    biased: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:
@@ -83,11 +78,20 @@ class Baseline:
         pairs = zip(self.records, self.replays, strict=True)
         return tuple(driving_record(self.machine, record, found) for record, found in pairs)
 
-    @property
-    def weighed_for_bias(self) -> bool:
-        """Whether the weights are those of a rougher drive because the re-fit would move values where nothing is wrong,
-        so that they tell nothing of what is left."""
-        return bool(self.biased) and self.nominal.candidate.rough
+    @cached_property
+    def biased(self) -> Mapping[str, float]:
+        """The nominal values that the re-fit moves where nothing is wrong, by how many of their tolerances [1], the
+        farthest first: where contacts slip within less than the scale can tell, friction along a smoothed path is
+        another one. Of a drive that is rougher than its model, none: its values are moved by what makes it rough."""
+        if self.nominal.candidate.rough:
+            return {}
+        names = [name for name in self.nominal.candidate.layout.names if name != "initial_friction_state"]
+        largest: dict[str, float] = {}
+        for name, size in zip(names, self.null.bias().tolist(), strict=False):
+            called = CALLED.get(name, name)
+            if abs(size) > max(self.criteria.null_bias, abs(largest.get(called, 0.0))):
+                largest[called] = size
+        return dict(sorted(largest.items(), key=lambda one: -abs(one[1])))
 
     @cached_property
     def thresholds(self) -> dict[str, float]:
@@ -148,29 +152,8 @@ def refit_and_null(
         candidate = nominal.candidate
         first = start_null(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
     chance = first.completed(told)
-    biased = beyond = {} if nominal.candidate.rough else _biased(nominal, chance, criteria)
-    for rougher in WHITE_FORCE_FACTORS:
-        if max(map(abs, beyond.values()), default=0.0) <= criteria.null_bias_weighed:
-            break
-        nominal = refit_under(nominal, records, rougher)
-        candidate = nominal.candidate
-        first = start_null(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
-        chance = first.completed(told)
-        beyond = _biased(nominal, chance, criteria)
     given = smooth.candidate.nominal if finer is not smooth else None
-    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given, biased)
-
-
-def _biased(nominal: Fit, chance: Null, criteria: Criteria) -> dict[str, float]:
-    """The nominal values that the re-fit moves where nothing is wrong, by how many of their tolerances [1]: where
-    contacts slip within less than the scale can tell, friction along a smoothed path is another one."""
-    names = [name for name in nominal.candidate.layout.names if name != "initial_friction_state"]
-    largest: dict[str, float] = {}
-    for name, size in zip(names, chance.bias().tolist(), strict=False):
-        called = CALLED.get(name, name)
-        if abs(size) > max(criteria.null_bias, abs(largest.get(called, 0.0))):
-            largest[called] = size
-    return dict(sorted(largest.items(), key=lambda one: -abs(one[1])))
+    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
 
 
 def _require_smooth(records: Sequence[Record], null: StartedNull, criteria: Criteria) -> None:

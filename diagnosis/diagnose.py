@@ -193,12 +193,8 @@ def _told(searched: Pruned, baseline: Baseline, disabled: Collection[str], seed:
         plain = answer_of(pruned.stages[:1], pruned, baseline, seed)
         if plain.outcome is not Outcome.NONE:  # the re-fit leaves nothing, so that nothing is out of the catalogue
             found = _diagnosis(plain, pruned, baseline)
-    if (
-        found.outcome is Outcome.NONE
-        and baseline.weighed_for_bias
-        and is_right_as_delivered(found.how_far, baseline, seed)
-    ):
-        # Weights that the re-fit needs, as it bends values where nothing is wrong, tell nothing of what is left.
+    if found.outcome is Outcome.NONE and baseline.biased and is_right_as_delivered(found.how_far, baseline, seed):
+        # A re-fit that bends values where nothing is wrong does not tell what is left.
         plain = largest_adequate(pruned.stages[:1], baseline, seed)
         found = _diagnosis(replace(plain, outcome=Outcome.NOTHING, names=()), pruned, baseline)
     if found.outcome in NAMED and (less := doubted(answer, found.told, baseline)):
@@ -290,7 +286,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
     if outcome is Outcome.NONE:
         names = ()
     if outcome is Outcome.PARAMETERS:
-        names = wrong_values(stages[0].fitted, criteria, far.floor.force)
+        names = wrong_values(stages[0].fitted, criteria, far.floor.force, baseline.null.bias())
     shares = _shares(pruned.shares, (*names, *partly), parts) if known is None else {names[0]: 1.0}
     without_effects = outcome in {Outcome.PARAMETERS, Outcome.NOTHING}
     closed = far.closure if far.handover.adopted.name == Content.MEASURED else closure.closure

@@ -78,14 +78,6 @@ def refit_within(machine: Machine, records: Sequence[Record], criteria: Criteria
     return weighed(within_rating(machine, records), records, criteria)
 
 
-def refit_under(fitted: Fit, records: Sequence[Record], roughness: float) -> Fit:
-    """The re-fit begun again, from the file's values, under so many times the usual white force [1] in each record."""
-    layout, effects = fitted.candidate.layout, in_order(fitted.candidate.nominal.effects)
-    start = static_equilibrium_start(layout, records)
-    candidate = Candidate(layout, start, effects, roughness=(roughness,) * len(records))
-    return with_new_starts(fit(candidate, records, walk=fitted.walk), records)
-
-
 def weighed(
     fitted: Fit,
     records: Sequence[Record],
@@ -218,8 +210,8 @@ def _forgiving(fitted: Fit, records: Sequence[Record]) -> Fit:
 @dataclass(frozen=True)
 class Shifts:
     """How far the re-fit moved the values of a machine file: their names as a reader knows them and their shifts (P,),
-    in SI or, of relative ones, as logarithms; and the inverse (P, P) of their covariance by the data alone, whatever
-    the records' starts are."""
+    in SI or, of relative ones, as logarithms, beyond what it moves them where nothing is wrong; and the inverse (P, P)
+    of their covariance by the data alone, whatever the records' starts are."""
 
     names: tuple[str, ...]
     moved: Array
@@ -231,8 +223,9 @@ class Shifts:
         return float(self.moved[own] @ self.inverse[np.ix_(own, own)] @ self.moved[own])
 
 
-def shifts(fitted: Fit) -> Shifts:
-    """Those of a nominal re-fit, which has no effects but those that the machine file states [SI; 1 for logarithms]."""
+def shifts(fitted: Fit, bias: Array | None = None) -> Shifts:
+    """Those of a nominal re-fit, which has no effects but those that the machine file states [SI; 1 for logarithms].
+    bias: how far it moves each nominal value but the starts where nothing is wrong [tolerances] (`Null.bias`)."""
     candidate, layout = fitted.candidate, fitted.candidate.layout
     pairs = list(zip(in_order(candidate.nominal.effects), candidate.effects, strict=True))
     stated = [coordinates(now) - coordinates(before) for before, now in pairs]
@@ -246,15 +239,22 @@ def shifts(fitted: Fit) -> Shifts:
     inverse = whole[np.ix_(where, where)] - whole[np.ix_(where, rest)] @ np.linalg.solve(
         whole[np.ix_(rest, rest)] + wide, whole[np.ix_(rest, where)]
     )
-    moved = np.concatenate([candidate.theta, *stated])
+    theta = candidate.theta.copy()
+    if bias is not None and bias.size:
+        own = np.setdiff1d(np.arange(layout.count), rest)
+        theta[own] -= bias * layout.deviation[own]
+    moved = np.concatenate([theta, *stated])
     return Shifts(tuple(names[i] for i in where), moved[where], inverse)
 
 
-def wrong_values(fitted: Fit, criteria: Criteria, floor: float = math.inf) -> tuple[str, ...]:
+def wrong_values(
+    fitted: Fit, criteria: Criteria, floor: float = math.inf, bias: Array | None = None
+) -> tuple[str, ...]:
     """The values of the machine file that are wrong, nominal ones and those of stated effects, by the names of both;
     those whose shift matters the most first. An offset comes before them where it is surely above the noise floor's
-    force [N]: what is constant, the filter's own unknown force follows, so that innovations hardly show it."""
-    moved = shifts(fitted)
+    force [N]: what is constant, the filter's own unknown force follows, so that innovations hardly show it. bias: see
+    `shifts`."""
+    moved = shifts(fitted, bias)
     gains = {name: moved.gain(name) for name in dict.fromkeys(moved.names)}
     least = max(criteria.parameter_share * max(gains.values()), criteria.parameter_min_gain)
     offset = float(fitted.candidate.theta[fitted.candidate.layout.of(OFFSET)][0])

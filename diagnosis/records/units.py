@@ -27,6 +27,10 @@ WITHOUT_FRICTION: Final = 0.02
 """The same, of the force that the noise makes of the loop's stiffness: the least there is [1]."""
 WALK: Final = 0.05  # usual white forces a sample, by which the unknown force walks in the last step of a re-fit at most
 WALK_IN_A_LOOP: Final = 0.14  # the same in a loop time: a random walk goes with the square root of time
+WALK_OF_FRICTION: Final = 1.3e-3
+"""The walk of the unknown force in a loop time, of the friction [1] at most. On a scale that is coarse for the contacts
+the usual white force is large, but what it stands for does not walk: beside a force that walked by 0.0045 of the
+friction or more, none of what acts slowly was seen on two of eight machines of the trial."""
 READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none
 SOFT: Final = 1e-3  # of the loop's stiffness: contacts that are softer do not hold an axis, and
 SLIGHT: Final = 1e-2  # of the rated thrust: friction that is less is not what its forces are like
@@ -78,8 +82,12 @@ def white_force(machine: Machine) -> float:
 
 def slow_walk(machine: Machine) -> float:
     """The walk [usual white forces a sample] of the unknown force beside which effects are sought: so slow that it
-    leaves them what changes along the travel or the record, however finely a machine is sampled."""
-    return min(WALK, WALK_IN_A_LOOP * math.sqrt(machine.sample_time / loop_time(machine)))
+    leaves them what changes along the travel or the record, however finely a machine is sampled and however coarse
+    its scale is."""
+    in_a_loop = WALK_IN_A_LOOP
+    if holds(machine):
+        in_a_loop = min(in_a_loop, WALK_OF_FRICTION * friction_force(machine) / white_force(machine))
+    return min(WALK, in_a_loop * math.sqrt(machine.sample_time / loop_time(machine)))
 
 
 def units(machine: Machine, records: Sequence[Record] = ()) -> Units:

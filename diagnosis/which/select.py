@@ -122,7 +122,7 @@ class RecordSearch:
         fitted, records = trial.fitted, self.baseline.records
         if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
             fitted = with_new_starts(fitted, records)
-        if fitted.candidate.rough and not self.baseline.biased:  # whose weights are not those of the records
+        if fitted.candidate.rough:
             fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
         if trial.proposal.decided and trial.proposal.gain > MIN_REFINED_GAIN:
             fitted = as_seen(fitted, records)

@@ -307,7 +307,7 @@ def test_a_right_file_whose_refit_bends_its_values_leaves_nothing_to_explain(
         "_diagnosis",
         lambda answer, *_: SimpleNamespace(outcome=answer.outcome, names=answer.names, how_far=far, told=None),
     )
-    baseline: Any = SimpleNamespace(biased=biased, weighed_for_bias=bool(biased))
+    baseline: Any = SimpleNamespace(biased=biased)
     found: Any = module._told(searched, baseline, (), 0)
     assert found.outcome is outcome
     assert found.names == (() if outcome is Outcome.NOTHING else none.names)
