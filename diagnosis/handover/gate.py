@@ -337,7 +337,8 @@ def _errors(candidate: Candidate, baseline: Baseline, paths: Sequence[SmoothedPa
 
 
 def offset_alone(baseline: Baseline, delivered: File) -> File:
-    """The machine as delivered but for its offset, which is the mean of the force that it leaves."""
+    """The machine as delivered but for its offset, less the mean of the force that it leaves: the offset is taken off
+    the thrust, where the unknown force is added to it."""
     candidate = delivered.judged.candidate
     paths = smooth(candidate, baseline.records)
     left = _errors(candidate, baseline, paths)
@@ -346,7 +347,7 @@ def offset_alone(baseline: Baseline, delivered: File) -> File:
 
     def with_mean(used: NDArray[np.bool_]) -> JudgedFile:
         machine = delivered.machine
-        offset = machine.drive.offset + float(np.nanmean(force[used]))
+        offset = machine.drive.offset - float(np.nanmean(force[used]))
         moved = replace(machine, drive=replace(machine.drive, offset=offset))
         return judged_file(moved, starts_of(candidate))
 

@@ -9,12 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.handover.gate import File, Sums, chosen, leaves_more
+from diagnosis.baseline import Baseline
+from diagnosis.handover.files import starts_of
+from diagnosis.handover.gate import File, Sums, as_delivered, chosen, leaves_more, offset_alone
 from diagnosis.handover.hand_over import Terms, closure_share
 from diagnosis.how_far import Gap
+from diagnosis.model.fit import fit
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time
+from tests.diagnosis.tables import nominal_with, recorded, short, table
 
 MOTIONS = 24
 JUDGED: Any = None  # the gate looks at what a file leaves only
+UNUSED: Any = None  # what chance gains, which no file asks for
 
 
 def _file(name: str, force: float, position: float, settling: float = 1e-3, scatter: float = 0.1) -> File:
@@ -166,6 +173,24 @@ def test_the_offset_alone_is_judged_where_the_re_fit_does_harm_and_not_else() ->
         raise AssertionError("the re-fit does no harm")
 
     assert chosen([delivered, _file("re-fitted", 1.0, 1e-6)], never).adopted.name == "re-fitted"
+
+
+@pytest.mark.parametrize("wrong", [2.0, -0.5])
+def test_the_offset_alone_becomes_that_of_the_records(wrong: float) -> None:
+    """It had moved away from theirs by as much as it was off: 2 N too large in a file became 4 N, on an axis that
+    hangs."""
+    machine = table()
+    truth = replace(machine, drive=replace(machine.drive, offset=3.0))
+    stated = replace(machine, drive=replace(machine.drive, offset=3.0 + wrong))
+    records = recorded(truth, [short(truth)], seed=3, wrong=0.0)
+    begin = nominal_with(stated, (), records)
+    refitted = fit(begin.candidate, records, paths=begin.paths, iterations=8, walk=begin.walk)
+    baseline = Baseline(refitted, records, pieces(records, loop_time(stated)), UNUSED)
+    delivered = as_delivered(baseline, starts_of(baseline.nominal.candidate))
+    file = offset_alone(baseline, delivered)
+    assert abs(file.machine.drive.offset - 3.0) < 0.05 * abs(wrong)
+    assert file.gap.force < 0.2 * delivered.gap.force
+    assert float(file.held_out.mean("force")) < 0.2**2 * float(delivered.held_out.mean("force"))
 
 
 def test_motions_without_settling_have_no_settling_gap() -> None:
