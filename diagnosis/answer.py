@@ -19,8 +19,9 @@ from diagnosis.model.fit import Fit, largest, parameters_at_bounds
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifts
 from diagnosis.verdict import Explanation, Outcome, verdict
-from diagnosis.which.kinds import Form, forms, of_kind, periods_shown, repeats
+from diagnosis.which.kinds import Form, above_floor, as_bent_spring, forms, of_kind, periods_shown, repeats
 from diagnosis.which.prune import Pruned, prune, shrinking
+from diagnosis.which.scan import partial_out
 from diagnosis.which.slow import hidden, slow_force
 from diagnosis.which.stage import Carrier, Stage, strongest_first
 from diagnosis.which.table import unsure
@@ -263,21 +264,34 @@ def rivalling(stages: Sequence[Stage], criteria: Criteria, parts: Collection[str
 
 def not_seen_to_repeat(answer: Answer, baseline: Baseline) -> tuple[tuple[str, ...], ...]:
     """Sets of a named effect that repeats along the way, of which the records show too few periods to tell that, and
-    those of its kind that the file's own effects suggest, whatever their form: what bends a stated spring is as well a
-    sine of one period over all the way. Of members of a class, that of the longest period counts."""
+    those of its kind that the file's own effects suggest: what bends a stated spring is as well a sine of one period
+    over all the way. Of members of a class, that of the longest period counts; where there are several, the bend may
+    have whatever form, and else the one that leaves nearly as little (`_stands_for_a_bend`)."""
     final, kinds = answer.stages[-1].fitted.candidate, baseline.machine.kinds
     looked_for = [one.name for one in answer.stages[0].scanned if one.name in kinds]
     groups = []
     for name in answer.names:
-        shown = [periods_shown(one, baseline.records) for one in final.added_effects if one.name == name]
+        members = [one for one in final.added_effects if one.name == name]
+        shown = [periods_shown(one, baseline.records) for one in members]
         alike = [
             other
             for other in looked_for
             if kinds[other].beside and not repeats(kinds[other]) and kinds[other].kind() == kinds[name].kind()
         ]
-        if shown and min(shown) < baseline.criteria.min_periods and alike:
+        few = shown and min(shown) < baseline.criteria.min_periods
+        if few and alike and (len(members) > 1 or _stands_for_a_bend(members[0], answer, baseline)):
             groups.append((name, *alike))
     return tuple(groups)
+
+
+def _stands_for_a_bend(effect: Effect, answer: Answer, baseline: Baseline) -> bool:
+    """Whether a spring that hardens would leave hardly more than a law over the position, the only one of its name:
+    what a rival may leave, or a law by the error of its form, or what the answer itself leaves above the floor. A sum
+    of several draws any bend, so that its own form says nothing."""
+    criteria, final = baseline.criteria, answer.stages[-1].fitted
+    gain, left = as_bent_spring(effect, answer.stages[0].fitted, baseline)
+    unexplained = above_floor(partial_out(final, baseline.segment).e, baseline)
+    return left < max(as_well(gain, criteria), criteria.form_error * gain, unexplained)
 
 
 def as_well(gain: float, criteria: Criteria) -> float:

@@ -14,12 +14,14 @@ from scipy.linalg import cho_factor, cho_solve
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import curves_over
-from diagnosis.model.fit import Fit, coordinates
+from diagnosis.model.fit import Fit, coordinates, weights
+from diagnosis.model.residual import columns
 from diagnosis.which.free_form import free_form, member_columns, unit_columns
 from diagnosis.which.scan import NuisanceProjection, by_segment, finding_of, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
 from models.effects.base import Effect, Kind, parameters
-from models.effects.measured import SIGNED, UNITS
+from models.effects.catalogue import in_order
+from models.effects.measured import MOST_KNOTS, SIGNED, UNITS, Measured
 from models.effects.parameter import POSITIVE
 from models.records.record import Record
 
@@ -27,6 +29,8 @@ Array = NDArray[np.float64]
 
 RIVALS: Final = 6  # names with the largest gains whose free forms are compared
 FREE: Final = 0.3  # of an effect's size: deviation of the parts of its free form, where others are judged beside it
+
+BEND: Final = 3  # degree of what a spring adds that hardens about any place: a cube, with the square and the line of it
 
 
 class Form(StrEnum):
@@ -160,3 +164,20 @@ def periods_shown(effect: Effect, records: Sequence[Record]) -> float:
         if item.role == "period" and item.periodic_in in {"position", "reading"}
     ]
     return min((travel / period for period in periods), default=float("inf"))
+
+
+def as_bent_spring(effect: Effect, beside: Fit, baseline: Baseline) -> tuple[float, float]:
+    """The chi-square [1] that a law over the position adds to what a fit without it leaves, and how much of it is left
+    where the best spring that hardens, about whatever place, stands for it: what nominal values take up is in neither.
+    """
+    records, own = baseline.records, partial_out(beside, baseline.segment)
+    ends = [end for record in records for end in (np.min(record.position), np.max(record.position))]
+    knots = np.linspace(min(ends), max(ends), MOST_KNOTS)
+    along = np.linspace(-1.0, 1.0, MOST_KNOTS)
+    powers = [Measured("position", tuple(knots), tuple(along**n)) for n in range(1, BEND + 1)]
+    trials = [in_order((*beside.candidate.effects, one)) for one in (effect, *powers)]
+    made = columns(beside.candidate, trials, records, beside.paths, beside.residuals, beside.walk)
+    law, *spring = own(made * weights(records)[:, None]).T
+    bend = np.column_stack(spring)
+    left = law - bend @ np.linalg.lstsq(bend, law, rcond=None)[0]
+    return float(law @ law), float(left @ left)

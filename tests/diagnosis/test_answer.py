@@ -4,27 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from diagnosis.answer import (
+    Answer,
     broadband,
     closes_too_little,
+    not_seen_to_repeat,
     overfitting_series,
     rivalling,
     small_beside,
     strongest_at_bound,
 )
+from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import Fit, parameters_at_bounds
+from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.model.fit import Fit, fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.records.motions import pieces
+from diagnosis.records.units import loop_time
+from diagnosis.verdict import Outcome
 from diagnosis.which.stage import Proposal, Stage, strongest_first
 from models.effects.base import Effect
 from models.effects.friction_laws import Stribeck, ViscousFriction
 from models.effects.motor import Cogging
-from tests.diagnosis.tables import table
+from models.effects.structure import CableSpring, HardeningSpring
+from tests.diagnosis.tables import nominal_with, recorded, table
 
 MACHINE, CRITERIA = table(), Criteria()
 
@@ -132,3 +143,41 @@ def test_what_surely_closes_less_than_half_is_no_answer_unless_something_else_ca
     assert closes_too_little(["cogging"], fitted, (-1.0, -1.0), 0.5)
     assert not closes_too_little(["cogging"], fitted, (0.1, 0.6), 0.5)
     assert not closes_too_little(["controller_mismatch", "cogging"], fitted, (0.0, 0.0), 0.5)
+
+
+SPRING = CableSpring(100.0)
+
+
+def _over_14_mm(*found: Cogging) -> tuple[Answer, Baseline]:
+    """The answer that a table on a spring of 100 N/m has cogging, which it has."""
+    machine = replace(MACHINE, effects=(SPRING,))
+    moves = [
+        amplitude_ladder(machine, (5e-6, 100e-6)),
+        strokes(machine, 2e-3, (0.02,)),
+        strokes(machine, 14e-3, (0.1,)),
+    ]
+    records = recorded(machine, [together("short", moves)], (SPRING, *found), seed=2, wrong=0.0)
+    floors: Any = SimpleNamespace(floors=lambda made: np.full(2, float(sum(one.position.size for one in made))))
+    plain, whole = (nominal_with(machine, effects, records) for effects in ((), found))
+    final = fit(whole.candidate, records, paths=whole.paths, iterations=8, walk=whole.walk)
+    baseline = Baseline(plain, records, pieces(records, loop_time(machine)), floors)
+    scanned = tuple(Proposal(one.name, 1e6, 20.0, effect=one) for one in (Cogging.typical(), HardeningSpring.typical()))
+    closure: Any = None
+    stages = (Stage(plain, scanned), Stage(final, added="cogging"))
+    return Answer(stages, ("cogging",), closure, Outcome.ATTRIBUTED), baseline
+
+
+@pytest.mark.parametrize(
+    ("found", "ambiguous"),
+    [
+        ((Cogging(1.5, 12e-3, 0.7),), False),  # 1.17 periods, as on a user's axis: the spring leaves a quarter
+        ((Cogging(1.5, 25e-3, 0.7),), True),  # half of one
+        ((Cogging(1.5, 12e-3, 0.7), Cogging(0.2, 5e-3, 0.1)), True),  # a sum draws any bend
+    ],
+)
+def test_a_sine_of_few_periods_is_ambiguous_where_a_bent_spring_leaves_as_little(
+    found: tuple[Cogging, ...], ambiguous: bool
+) -> None:
+    """A cogging that was found to 0.4 mN over 1.17 periods had been told to be as well a spring that hardens."""
+    answer, baseline = _over_14_mm(*found)
+    assert not_seen_to_repeat(answer, baseline) == ((("cogging", "hardening_spring"),) if ambiguous else ())
