@@ -402,8 +402,8 @@ def _summary(results: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("WARNING, the design in place", "; ".join([*verified["contradicts"], SAME_MODEL])))
     rows += sticking_rows(results)
     rows.append(("verification", verification.sentence(verified, shown["specified"]["settling_s"])))
-    heading = "expected before that record" if verified["met"] else "not met"
-    rows += [(heading, text) for text in shown["unmet"]]
+    expected = "expected before that record" if verified["met"] else "not met"
+    rows += [("note on the design" if text in shown["notes"] else expected, text) for text in shown["unmet"]]
     rows += [("run next", f"{one['file']} ({show(one['seconds'], 's', 3)}): {one['why']}") for one in results["next"]]
     if not results["next"]:
         rows.append(("run next", f"nothing: {verification.closing(verified, shown['unmet'])}"))

@@ -46,7 +46,8 @@ class Left:
 @dataclass(frozen=True)
 class Redesign:
     """All designs that were looked at, the old one first, what each is expected to achieve on the machines that could
-    be this one, which of them runs next, what it and the old one cannot meet, and the force that no model explains."""
+    be this one, which of them runs next, what it and the old one cannot meet, with the reasons, and the force that no
+    model explains. notes: those of the reasons that say how the designs were made, and not what to expect of them."""
 
     machine: Machine
     designs: tuple[Design, ...]
@@ -54,6 +55,7 @@ class Redesign:
     chosen: Chosen
     unmet: tuple[str, ...]
     unmet_in_place: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     left: Left | None = None
 
     @property
@@ -121,7 +123,9 @@ def redesigned(
         tuple(dict.fromkeys((*unmet(one, better, found[designs.index(one)], seed, left), *notes)))
         for one in dict.fromkeys((taken.design, old))
     ]
-    return Redesign(better, tuple(designs), tuple(found), taken, told[0], told[-1], _left(left, old, better, seed))
+    made = tuple(dict.fromkeys((*taken.design.notes, *old.notes, *notes)))
+    acts = _left(left, old, better, seed)
+    return Redesign(better, tuple(designs), tuple(found), taken, told[0], told[-1], made, acts)
 
 
 def _left(left: Sequence[Array], old: Design, better: Machine, seed: int) -> Left | None:
@@ -159,6 +163,7 @@ def to_json(found: Redesign) -> dict[str, Any]:
         "gains": {name: _interval(gain) for name, gain in taken.gains.items()},
         "unmet": list(found.unmet),
         "unmet_in_place": list(found.unmet_in_place),
+        "notes": list(found.notes),
         "left": found.left and {"force_N": found.left.force, "moves_m": found.left.moves},
         "specified": {
             "stroke_m": found.machine.specification.stroke,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from design.deadbeat import DesignError
 from design.redesign.outcome import judged_target, outcome
 from design.redesign.prediction import resampled
 from diagnosis.experiments.schedules import suite, to_csv
@@ -113,6 +114,32 @@ def test_a_record_that_contradicts_the_prediction_is_warned_of_and_this_one_does
     assert "unstable" in told["WARNING, while the friction sticks"]
     assert told["  with a force in these runs"].startswith("4.1 N (rms) that no model explains")
     assert "moves the axis by 1.1 µm (rms)" in told["  with a force in these runs"]
+
+
+@pytest.mark.parametrize(("met", "heading"), [(None, "not met"), (True, "expected before that record")])
+def test_what_a_design_is_made_of_is_not_told_as_something_that_is_not_met(
+    begun: Path, met: bool | None, heading: str
+) -> None:
+    """Over a sentence that a cascade stays in place stood "not met", and with its record "expected before"."""
+    results = json.loads((begun / "out" / "results.json").read_text(encoding="utf-8"))["results"]
+    stays, late = "the feedback stays as it is: a cascade is in place", "settling within 30 ms is not met in every run"
+    results["redesign"] |= {"unmet": [stays, late], "notes": [stays]}
+    results["verified"]["met"] = met
+    rows = own_axis._summary(results)
+    assert ("note on the design", stays) in rows
+    assert (heading, late) in rows
+
+
+def test_a_redesign_tells_what_was_not_designed_apart_from_what_to_expect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise DesignError("no reference is fast enough")
+
+    monkeypatch.setattr(redesigning, "designed", refuse)
+    shown = redesigning.to_json(redesigning.redesigned(KNOWN, KNOWN, [KNOWN] * 2, 0, lambda *_: None, pid=False))
+    assert len(shown["notes"]) == 2  # on the design in place and on the new one
+    assert all(note.endswith("no reference is fast enough") for note in shown["notes"])
+    (late,) = (text for text in shown["unmet"] if text not in shown["notes"])
+    assert late.startswith("settling within")
 
 
 def test_its_record_closes_the_circle_and_nothing_is_computed_again(
