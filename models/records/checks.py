@@ -59,7 +59,8 @@ class Facts:
 
     The feedback that ran and its reference's delay [samples], the sample time [s], the mass [kg], the rated thrust [N],
     the resolution of the scale [m], the deviation of a reading [m], the stiffness of what holds the axis at rest, its
-    friction and springs to ground [N/m], the friction's force [N], and whether the axis turns.
+    friction and springs to ground [N/m], the friction's force [N], whether the axis turns, the constant force that the
+    thrust holds [N], and what holds the axis by where it is: springs to ground [N/m], and other forces at most [N].
     """
 
     pid: Feedback | None = None
@@ -72,6 +73,9 @@ class Facts:
     stiffness: float | None = None
     friction: float | None = None
     rotary: bool | None = None
+    offset: float | None = None
+    spring: float = 0.0
+    by_place: float = 0.0
 
     def seen_in(self, record: Record) -> Facts:
         """Without the controller for a record that has another rate than it, from which it can't be replayed."""
@@ -408,9 +412,7 @@ def scatter_at_rest(record: Record) -> float | None:
     stretches of a quarter of that, of which vibrations and what is left of a motion spoil few. Where an excitation that
     is not in the record moves the axis, second differences, of which noise has 6 times its variance, show more.
     """
-    still = (np.diff(record.reference, prepend=np.nan) == 0) & (np.diff(record.feedforward, prepend=np.nan) == 0)
-    samples, length = np.arange(still.size), STANDS // 4
-    since = samples - np.maximum.accumulate(np.where(still, -1, samples))
+    since, length = _stood(record), STANDS // 4
     ends = np.flatnonzero((since >= STANDS) & (since % length == 0)) + 1
     if ends.size < FEWEST_STRETCHES:
         return None
@@ -420,6 +422,18 @@ def scatter_at_rest(record: Record) -> float | None:
         for one, times in ((second, 6), (fourth, 70))
     )
     return math.sqrt(fine) if coarse < SHAKES * fine else None
+
+
+def at_rest(record: Record) -> NDArray[np.bool_]:
+    """Whether reference and feedforward have stood still for STANDS samples, at each sample (n,) [-]."""
+    return np.asarray(_stood(record) >= STANDS)
+
+
+def _stood(record: Record) -> NDArray[np.int_]:
+    """For how many samples (n,) reference and feedforward have stood still."""
+    still = (np.diff(record.reference, prepend=np.nan) == 0) & (np.diff(record.feedforward, prepend=np.nan) == 0)
+    samples = np.arange(still.size)
+    return np.asarray(samples - np.maximum.accumulate(np.where(still, -1, samples)))
 
 
 def _shift(record: Record, feedback: Feedback, reference_delay: int) -> Iterator[str]:

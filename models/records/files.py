@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.base import Effect, Place
 from models.feedback.law import Law
 from models.identification.response import FrequencyResponse
 from models.machine import Machine
@@ -131,7 +133,17 @@ def known_of(machine: Machine) -> dict[str, Any]:
         "stiffness": float(sum(machine.friction.stiffness)) + sum(one.spring_to_ground() for one in machine.effects),
         "friction": machine.friction.coulomb_force,
         "rotary": machine.axis == "rotary",
+        "offset": machine.drive.offset,
+        "spring": sum(one.spring_to_ground() for one in machine.effects),
+        "by_place": sum(map(_by_place, machine.effects)),
     }
+
+
+def _by_place(effect: Effect) -> float:
+    """The most [N] that an effect other than a spring to ground holds an axis by where it is; infinite if unknown."""
+    if Place.FORCE not in effect.hooks or effect.coordinate not in {"", "position"} or effect.spring_to_ground():
+        return 0.0
+    return float(getattr(effect, "amplitude", math.inf))
 
 
 def _as_it_ran(record: Record, columns: Columns, facts: Facts) -> Record:

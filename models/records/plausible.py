@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
-from models.records.checks import INERTIA, Facts, fitted_mass, is_at_rate, quantisation, replay, smoothed
+from models.records.checks import INERTIA, Facts, at_rest, fitted_mass, is_at_rate, quantisation, replay, smoothed
 from models.records.feedback_sign import Mistake, mistake
 from models.records.record import Record
 
@@ -38,6 +38,9 @@ UNMODELLED: Final = (3.0, 0.1)
 # A speed beyond so many times the one that the rated thrust gives over the whole way is an error of units, as it would
 # take a hundred times the force, or a hundredth of the mass.
 FASTER: Final = 10.0
+# Of its distance from the stated offset, within which a mean command at rest of minus that offset is one with its sign
+# turned.
+TURNED_OFFSET_RATIO: Final = 0.2
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 FEWEST_SPACED: Final = 50  # samples that a reading of slow motions is compared at
 MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
@@ -55,8 +58,8 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
     ran = as_it_ran or record
     yield from _against_sample_time(record, facts)
     yield from _swapped(record, given)
-    if {"reference", "target"} & given:
-        yield from _against_feedback(ran, facts)
+    against = [*_against_feedback(ran, facts)] if {"reference", "target"} & given else []
+    yield from against
     if "reference" in given and np.ptp(record.reference) > 0:
         yield from _against_reference(ran, facts)
     yield from _against_scale(record, facts)
@@ -65,6 +68,8 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
     yield from _against_force(record, facts)
     if "reference" in given:
         yield from _against_unit(ran, facts)
+    if {"reference", "target"} & given and not against:  # the sign of the command alone turns the offset, too
+        yield from _against_offset(record, facts)
 
 
 def _against_sample_time(record: Record, facts: Facts) -> Iterator[str]:
@@ -152,6 +157,23 @@ def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
                 "reference rises, which no stable loop does; map each to its column, or "
                 'turn the command by "NAME * -1"'
             )
+
+
+def _against_offset(record: Record, facts: Facts) -> Iterator[str]:
+    """All signs turned, as where down counts as positive. The controller does not show it, as its law is the same; the
+    force that the axis holds at rest does, where nothing that is stated could hold the axis against the offset."""
+    rests = at_rest(record)
+    if not facts.offset or facts.friction is None or not rests.any():
+        return
+    held = facts.friction + facts.by_place + facts.spring * float(np.max(np.abs(record.position[rests])))
+    mean = float(np.mean(record.command[rests]))
+    near, far = abs(mean + facts.offset), abs(mean - facts.offset)
+    if abs(facts.offset) > held and near < TURNED_OFFSET_RATIO * far:
+        yield (
+            f"at rest the command is {show(mean, 'N', 3)} on average where the machine file has an offset of "
+            f"{show(facts.offset, 'N', 3)}: all signs of the log look turned, as where down counts as positive; turn "
+            'each signal but the time by "NAME * -1", or correct the sign of the offset in the machine file'
+        )
 
 
 def _against_reference(record: Record, facts: Facts) -> Iterator[str]:
