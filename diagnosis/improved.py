@@ -11,6 +11,7 @@ import numpy as np
 from diagnosis.diagnose import Diagnosis
 from diagnosis.handover.files import Content, machine_of
 from diagnosis.handover.gate import chosen, is_believed
+from diagnosis.handover.known_values import with_known_deviations
 from diagnosis.handover.posterior import spreads
 from diagnosis.model.residual import Candidate
 from diagnosis.verdict import Outcome
@@ -28,7 +29,8 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     on motions that were left out of its fit, in force, position or settling, it is the simpler one, or has all of the
     effects but one where that alone does harm: see `diagnosis.handover.gate`. `source` says what the records were, as
     in "gap_diagnosis of moves.csv": it becomes the provenance of every value that the diagnosis changed or added, with
-    its standard deviation where the records are explained.
+    its standard deviation where the records are explained; elsewhere with that of the given file, and no less than the
+    move.
 
     >>> better = pos.improved_machine(diagnosis, "diagnosis of moves.csv")
     >>> [effect.name for effect in better.effects]
@@ -43,8 +45,10 @@ def improved_machine(diagnosis: Diagnosis, source: str = "diagnosis") -> Machine
     limits = at_limit(fitted.candidate, [one.number for one in adopted.finished.at_bound if one.part == "nominal"])
     # Where something is left that has no name, or values are at the end of their range, they stand in for what the
     # model lacks by more than their deviations tell.
-    stated = spreads(fitted, segment) if diagnosis.outcome is not Outcome.NONE and not limits else {}
+    believed = diagnosis.outcome is not Outcome.NONE and not limits
+    stated = spreads(fitted, segment) if believed else {}
     better = machine_of(nominal, fitted.candidate, deviations_of(fitted, segment), source, stated)
+    better = with_known_deviations(nominal, better, believed=believed)
     marked = {name: replace(better.sources[name], at_limit=True) for name in limits if name in better.sources}
     return replace(better, sources={**better.sources, **marked})
 
@@ -67,7 +71,9 @@ def _numbers(candidate: Candidate) -> dict[str, object]:
 def _with_offset(machine: Machine, offset: float, source: str) -> Machine:
     """The machine with another offset [N], which the records showed, and nothing else changed."""
     said = Provenance("identified", f"{source}, the mean of the force that the file left")
-    return replace(machine, drive=replace(machine.drive, offset=offset), sources={**machine.sources, OFFSET_PATH: said})
+    moved = replace(machine, drive=replace(machine.drive, offset=offset))
+    moved = replace(moved, sources={**machine.sources, OFFSET_PATH: said})
+    return with_known_deviations(machine, moved, believed=False)
 
 
 def unchanged(diagnosis: Diagnosis) -> Diagnosis:

@@ -33,7 +33,7 @@ from models.effects.base import Effect, H, Numbers, Place, T, V, X, hook
 from models.effects.friction_laws import FrictionRelaxation, Stribeck, ViscousFriction
 from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.parameter import parameter
-from models.machine import load
+from models.machine import Provenance, load
 from models.machine_file import to_toml
 from tests.diagnosis.tables import LEAD, off_by, recorded, short, table
 
@@ -82,6 +82,39 @@ def test_a_file_with_another_offset_alone_is_the_given_one_in_all_else(viscous: 
     assert (said.kind, said.std) == ("identified", None)
     assert said.detail.startswith("a test")
     assert replace(better, drive=given.drive, sources=given.sources) == given
+    for std in (1e3, 1e-9):
+        stated = {"drive.offset": Provenance("identified", "slow loops", std=std)}
+        known = replace(given, sources={**given.sources, **stated})
+        sure = improved_machine(replace(other, baseline=replace(other.baseline, given=known)), "a test")
+        moved = abs(better.drive.offset - given.drive.offset)
+        assert sure.sources["drive.offset"].std == pytest.approx(max(std, moved))
+
+
+def test_a_re_fit_that_is_not_believed_keeps_what_the_file_knew(viscous: Diagnosis) -> None:
+    """Without a deviation beside it, the next day's diagnosis took a mode that a sweep had told for a free one."""
+    far, given = viscous.how_far, viscous.baseline.machine
+    refitted = far.handover.named("re-fitted")
+    assert refitted is not None
+    path, kept, left = "plant.modes.2.frequency", 0.5, 1e-6
+    at = given.plant.modes[1].frequency
+    away = abs(refitted.fitted.candidate.machine.plant.modes[1].frequency - at)
+    fitted = viscous.baseline.nominal
+    for std in (kept * at, left * away):
+        known = replace(given, sources={**given.sources, path: replace(given.sources[path], std=std)})
+        layout = replace(fitted.candidate.layout, machine=known)
+        none = replace(
+            viscous,
+            outcome=Outcome.NONE,
+            effects=(),
+            baseline=replace(
+                viscous.baseline, nominal=replace(fitted, candidate=replace(fitted.candidate, layout=layout))
+            ),
+            how_far=replace(far, handover=replace(far.handover, adopted=refitted)),
+        )
+        better = improved_machine(none, "a test")
+        assert better.plant.modes[1].frequency != at
+        assert better.sources[path].std == pytest.approx(max(std, away))
+        assert better.sources["plant.dead_time"].std is None  # which its tolerance tells
 
 
 def _the_written_file_leaves_what_is_told(found: Diagnosis, folder: Path) -> None:
