@@ -9,12 +9,22 @@ from typing import Any, Final
 from diagnosis.criteria import Criteria
 from diagnosis.where.sentences import Topic
 from models.quantity import listed, show
-from studies.gap_diagnosis import common_factor, how_far, stated_effects, unknown_law
+from studies.gap_diagnosis import common_factor, how_far, moved_most, stated_effects, unknown_law
 from studies.gap_diagnosis.course import is_unsure, marked, unconfirmed
+from studies.gap_diagnosis.moved_most import refit_is_most
 from studies.gap_diagnosis.no_name import never_the_same, noise_alone, without_a_name, without_a_name_in_short
 from studies.gap_diagnosis.stated_effects import moved_values
 from studies.gap_diagnosis.too_small import too_small
-from studies.gap_diagnosis.values_off import in_percent, mostly, off_by, refit_is_most, told_off
+from studies.gap_diagnosis.values_off import (
+    beside_effects,
+    in_percent,
+    is_traded,
+    mostly,
+    name_of,
+    off_by,
+    stated_beside,
+    told_off,
+)
 from studies.gap_diagnosis.weights_told import far_off, roughness
 from studies.wording import effect, effects_listed, fitted
 
@@ -39,6 +49,7 @@ def front(results: Results) -> dict[str, str | list[str]]:
     remarks, a sentence or two each."""
     which, remarks = _which(results), how_far.remarks(results)
     leads = 2 if resembles(results["verdict"]) or unknown_law.is_the_answer(results) else 1
+    leads += len(moved_most.sentence(results))
     return {
         "where": _where(results["where"]),
         "which": " ".join(which[:leads]),
@@ -48,6 +59,14 @@ def front(results: Results) -> dict[str, str | list[str]]:
 
 
 def _outcome(results: Results) -> str:
+    """The outcome in a few words, values that take most of the gap before any name."""
+    told, first = _named(results), moved_most.names(results) if moved_most.told_alone(results) else []
+    if not first:
+        return told
+    return f"Nominal values are off: {listed(first)}; besides, {told[0].lower()}{told[1:]}"
+
+
+def _named(results: Results) -> str:
     verdict = results["verdict"]
     if is_unsure(verdict):
         return f"No name is sure; it looks like {effects_listed(verdict['partly'])}"
@@ -59,8 +78,16 @@ def _outcome(results: Results) -> str:
         "ambiguous": f"Either {_listed_or(_rivals(verdict), results)}",
         "none_of_these": f"{without_a_name_in_short(results)}{alike}",
         "nothing_to_explain": "Nothing to explain",
-        "parameters": f"Nominal values are off: {effects_listed(stated_effects.first(results, verdict['effects']))}",
+        "parameters": f"Nominal values are off: {listed(_wrong_values(results))}",
     }[verdict["outcome"]]
+
+
+def _wrong_values(results: Results) -> list[str]:
+    """The names of values that are off, where nothing else is: those that take most of the gap first."""
+    before, rows = moved_most.covered(results), {row["name"]: row for row in results["shifts"]}
+    names = stated_effects.first(results, results["verdict"]["effects"])
+    others = [name_of(rows[name]) if name in rows else name for name in names if name not in before]
+    return [*moved_most.names(results), *(effect(name) for name in dict.fromkeys(others))]
 
 
 def resembles(verdict: Results) -> bool:
@@ -100,30 +127,34 @@ def _which(results: Results) -> list[str]:
     outcome, names = verdict["outcome"], verdict["effects"]
     led = outcome == "none_of_these" and not is_unsure(verdict) and not never_the_same(results)
     first = outcome == "parameters" or (led and refit_is_most(results))
-    stated = [] if first else stated_effects.told(results.get("stated_effects", ()))
+    stated = [] if first else stated_effects.told(stated_beside(results))
     beside = [*_elements(results), *stated, *common_factor.told(results.get("common_factor"))]
     if outcome == "nothing_to_explain":
         told = "The machine file explains the records as it is: as far as they can show, no effect is missing."
         return [told, *beside]
     if outcome == "parameters":
         rows = {row["name"]: row for row in results["shifts"]}
-        moved = results.get("stated_effects", ())
-        others = [name for name in names if name not in {row["effect"] for row in moved}]
+        moved, before = stated_beside(results), moved_most.covered(results)
+        others = [name for name in names if name not in before | {row["effect"] for row in moved}]
         off = [*moved_values(moved), *(off_by(rows[name]) if name in rows else effect(name) for name in others)]
+        off = [*moved_most.among_others(results), *off]
         return [f"Nominal values are off, {listed(off)}; {_beside_values(results['how_far'])}.", *beside]
     if outcome == "none_of_these":
         return [*_nameless(results), *beside]
     rows = {row["effect"]: row for row in results["which"]}
     shown = [f"{effect(name)}{_another_form(verdict, name)}{_parameters(rows.get(name))}" for name in names]
     rough, sure = roughness(results), unconfirmed(results)
+    values = moved_most.sentence(results)
+    begins = f"Besides these, it is {listed(shown)}" if values else f"It is {listed(shown)}"
     if outcome == "ambiguous":
-        told = f"It is {listed(shown)}, or what these records cannot distinguish from it: {_others(results)}."
+        told = f"{begins}, or what these records cannot distinguish from it: {_others(results)}."
         delay = _input_delay(results) if "dead_time" in _rivals(verdict) else []
-        return [told, *_at_rating(results), *rough, *delay, *sure, *beside]
+        return [*values, told, *_at_rating(results), *rough, *delay, *sure, *beside]
     curve = results.get("learned")
     by_curve = unknown_law.told(curve) if unknown_law.has_curve(curve) else []
     return [
-        " ".join([f"It is {listed(shown)}.", *_as_logged(results)]),
+        *values,
+        " ".join([f"{begins}.", *_as_logged(results)]),
         *_at_rating(results),
         *rough,
         *by_curve,
@@ -148,9 +179,10 @@ def _beside_values(far: Results) -> str:
 def _nameless(results: Results) -> list[str]:
     """What is said where what is left has no name: what it resembles, and what else it may be."""
     verdict, repeats_never = results["verdict"], never_the_same(results) or noise_alone(results)
+    values = moved_most.sentence(results)
     told = _unsure(results) or repeats_never or without_a_name(results)
     if unknown_law.is_the_answer(results):
-        return [*unknown_law.told(results["learned"]), *told, *roughness(results)]
+        return [*values, *unknown_law.told(results["learned"]), *told, *roughness(results)]
     if resembles(verdict):
         before, after = (results["how_far"][name]["force_N"] for name in ("gap_refitted", "gap_after"))
         rows = {row["effect"]: row for row in results["which"]}
@@ -161,7 +193,8 @@ def _nameless(results: Results) -> list[str]:
             f"{show(after, 'N', 3)} (rms)."
         )
         told = [told[0], part, *told[1:]]
-    told += [*roughness(results), *([] if repeats_never else unknown_law.told(results.get("learned")))]
+    told = [*values, *told, *roughness(results)]
+    told += [] if repeats_never else unknown_law.told(results.get("learned"))
     if all(one["replays"] for one in results["where"]["details"]["controller"]):
         return told
     return [*told, "Correct the log or the controller first, because the rest may be due to it."]
@@ -232,7 +265,17 @@ def _input_delay(results: Results) -> list[str]:
         return []
     digits = max(2, 1 - math.floor(math.log10(std)))  # as many as the deviation has
     now, then = f"{total:.{digits}f} ± {std:.2g} ms", f"{before:.{digits}f} ms"
-    return [f"The input delay, the hold included, is {now} instead of {then}."]
+    return [f"The input delay, the hold included, is {now} instead of {then}{_traded(results)}."]
+
+
+def _traded(results: Results) -> str:
+    """That dead time and lag moved against each other, where they did: records tell their sum."""
+    for row in map(beside_effects, results["shifts"]):
+        if is_traded(row):
+            dead = row["moved"] * max(row["std"])
+            sizes = [show(size, row["unit"], 2) for size in (dead, row["delay"] - dead)]
+            return f" (dead time and lag moved against each other, by {listed(sizes)})"
+    return ""
 
 
 def _others(results: Results) -> str:

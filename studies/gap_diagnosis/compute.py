@@ -43,7 +43,7 @@ from models.records.record import Record
 from models.records.tables.sizes import RecordError
 from studies.beforehand import require_designable, require_stable
 from studies.effort import MAX_MEMORY_BYTES, diagnosing, foresee, more_samples
-from studies.gap_diagnosis import by_hand, own_records
+from studies.gap_diagnosis import by_hand, moved_most, own_records
 from studies.gap_diagnosis.answer import front, sentences
 from studies.gap_diagnosis.common_factor import common_factor
 from studies.gap_diagnosis.course import confirmed, copies, course
@@ -269,6 +269,7 @@ def _results(
         "records": _with_motions(given.shown, found.baseline.pieces),
         "motion_part_s": PIECE_LOOP_TIMES * loop_time(found.baseline.machine),
         "shifts": _shifts(found),
+        "moved_most": moved_most.rows(found, plain["how_far"]),
         "friction_elements": _friction_elements(found),
         "criteria": [
             {"name": name, "value": value, "unit": unit, "meaning": meaning, "chosen": chosen}
@@ -317,6 +318,7 @@ def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
             prior = known[name]
             told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
             row |= {"beside": _most_moved(name, beside), "in_all_beside": _of_all_contacts(name, beside)}
+            row |= {"delay": _whole_delay(name, fits[0]), "delay_beside": _whole_delay(name, beside)}
             rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
     return rows
 
@@ -336,6 +338,15 @@ def _most_moved(name: str, fitted: Candidate | None) -> float | None:
         return None
     away = moved(fitted.layout, fitted.theta)[fitted.layout.of(name)]
     return float(away[abs(away).argmax()])
+
+
+def _whole_delay(name: str, fitted: Candidate | None) -> float | None:
+    """By how much dead time and lags together were moved [s]; None for other values."""
+    if fitted is None or name != "dead_time":
+        return None
+    before, after = fitted.nominal, fitted.machine
+    lag = sum(one.input_delay() for one in fitted.effects) - sum(one.input_delay() for one in before.effects)
+    return after.plant.dead_time - before.plant.dead_time + lag
 
 
 def _of_all_contacts(name: str, fitted: Candidate | None) -> float | None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from models.quantity import listed, show
+from studies.gap_diagnosis import moved_most
 from studies.gap_diagnosis.values_off import (
     SHIFTED,
     in_percent,
@@ -42,7 +43,9 @@ def without_a_name(results: Results) -> list[str]:
     """What is said where no effect explains what is left, after the values that are off where they are most of it; in
     sentences."""
     off, stated = mostly(results), stated_mostly(results)
-    begins, rest = (f"{told_off(off, results, stated)} No", "what is left") if off or stated else ("No", "it")
+    first = moved_most.among_others(results)
+    some = off or stated or first
+    begins, rest = (f"{told_off(off, results, stated)} No", "what is left") if some else ("No", "it")
     told = [
         f"{begins} effect of the catalogue, alone or with others, explains {rest} within its prior range: "
         f"{_beyond_the_catalogue(results)}."
@@ -59,7 +62,7 @@ def noise_alone(results: Results) -> list[str]:
         return []
     off, share = mostly(results), max(results["white_force_N"]["alone"]) / results["how_far"]["drive_rms_N"]
     stated = stated_mostly(results)
-    told = [told_off(off, results, stated)] if off or stated else []
+    told = [told_off(off, results, stated)] if off or stated or moved_most.among_others(results) else []
     return [
         *told,
         f"What is left is what a force that scatters by {noise} from sample to sample would leave, "
@@ -84,7 +87,9 @@ def never_the_same(results: Results) -> list[str]:
     low, high = (part * far["floor"]["force_N"] for part in AT_FLOOR)
     if not low <= far["gap_refitted"]["force_N"] <= high:
         return []
-    off = [off_by(row) for row in results["shifts"] if abs(row["moved"]) > SHIFTED]
+    before = moved_most.covered(results)
+    rest = [row for row in results["shifts"] if abs(row["moved"]) > SHIFTED and row["name"] not in before]
+    off = [*moved_most.among_others(results), *(off_by(row) for row in rest)]
     wrong = f"Nominal values are off, {listed(off)}. " if off else ""
     return [
         f"{wrong}What is left of the re-fitted model differs every time a motion is repeated, so that no "
