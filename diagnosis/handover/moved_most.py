@@ -83,7 +83,10 @@ def moved_most(fitted: Fit, records: Sequence[Record], floor: float) -> tuple[Mo
     while gap > 0 and len(found) < len(groups):
         taken = [one.name for one in found]
         each = {name: energy([*taken, name]) for name in groups if name not in taken}
-        best = min(each, key=lambda name: each[name])
+        most = min(each.values()) + MIN_SHARE * gap  # of those that take as much, the one with the fewest values
+        best = min(
+            (name for name in each if each[name] <= most), key=lambda name: (len(groups[name].theta), each[name])
+        )
         share = (left - each[best]) / gap
         if share < MIN_SHARE:
             break
@@ -184,8 +187,8 @@ def _contacts(fitted: Candidate) -> dict[str, _Group]:
     (level,) = fitted.layout.of("friction_level")
     unit = fitted.nominal.unit
     whole = (
-        Number("stiffness in all", unit("N/m"), stiffness[0], stiffness[1]),
         Number("force in all", unit("N"), force[0], force[1]),
+        Number("stiffness in all", unit("N/m"), stiffness[0], stiffness[1]),
     )
     each = {place: size for name in CONTACTS for place, size in _of(fitted, name).items()}
     factor = {int(level): float(np.log(force[1] / force[0]))}

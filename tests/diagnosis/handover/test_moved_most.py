@@ -72,3 +72,12 @@ def test_two_values_that_are_off_are_told_by_their_shares() -> None:
     assert {larger.name, smaller.name} == {"friction_level", "amplifier_offset"}
     assert larger.share >= smaller.share > 0.05
     assert larger.share + smaller.share == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_level_of_friction_is_told_and_not_all_contacts_where_these_take_hardly_more() -> None:
+    """A brake that drags: 33 % more friction, which all contacts together take to the last per mille."""
+    moves = {"friction_level": np.log(1.3), "presliding_limit": np.log(1.02)}
+    (one,) = found(FINE, Variation(friction_force=0.3, limit=0.02), moves)
+    assert one.name == "friction_level"
+    (number,) = one.numbers
+    assert number.now / number.before == pytest.approx(1.3 * 1.02)
