@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 MIN_SHARE: Final = 0.05  # of the gap, below which a value is not among those that take most of it
 START: Final = "initial_friction_state"
 CONTACTS: Final = ("friction_level", "presliding_stiffness", "presliding_limit")
-ALONE: Final = ("payload_mass", "thrust_constant", "amplifier_offset")
+MOVED_ALONE: Final = ("payload_mass", "thrust_constant", "amplifier_offset")
 OF_MODES: Final = ("mode_gain", "mode_frequency", "mode_damping")
 
 
@@ -113,7 +113,7 @@ def _groups(fitted: Candidate, sample_time: float) -> dict[str, _Group]:
     """All that may be moved, by name; sample_time [s]: of the records, half of which the hold takes."""
     before, after = fitted.nominal, fitted.machine
     found = dict[str, _Group]()
-    for name, unit in zip(ALONE, ("kg", "1", "N"), strict=True):
+    for name, unit in zip(MOVED_ALONE, ("kg", "1", "N"), strict=True):
         number = Number("", before.unit(unit), *(_alone(name, one) for one in (before, after)))
         found[name] = _Group(_of(fitted, name), (name,), (number,))
     stated = _stated(fitted)
