@@ -12,7 +12,9 @@ orthogonal to a constant and to the share of moving.
 Where no motion repeats, or only slow ones do, only a model of all that is left can tell: late commands are a white
 force whose variance goes with the squared steps of the command. With the likeliest variance (`varying_noise`) the
 innovations have to be white, which a law of force does not leave them, and no other variance that a drive may have,
-constant or with the speed, the acceleration, the command or the friction, may be nearly as likely.
+constant or with the speed, the acceleration, the command or the friction, may be nearly as likely. Nor may one with
+the squares of the smoothed steps: what a model's form is wrong by, in the current loop or in the contacts, follows the
+motion, while a late command is as wrong about a step that answers the noise of a reading.
 """
 
 from __future__ import annotations
@@ -45,6 +47,7 @@ MAX_WINDOW_STDS: Final = 3.0  # by which it may do so less, by chance; a load wi
 MOST_LATE: Final = 3.0  # samples, rms: that commands may be late
 LEAST_GAIN: Final = 20.0  # chi-square, below which no other variance is looked at
 STEPS: Final = "steps of the command"
+SMOOTHED_LOOPS: Final = 0.5  # loop times: of the steps that follow the motion, the deviation by which they are smoothed
 VARIANCES: Final = (1e-3, 1e7)  # of the white force's usual variance, between which another one is sought, in the mean,
 FINE: Final = 0.02  # of the logarithm of a variance, within which the likeliest one is
 # Around the likeliest variance some of what it gains is gained for a factor of 100: less than this far from it is none.
@@ -86,11 +89,11 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
     alike = [_met_by(signals, group, left) for group in groups if len(group) > 1]
     each = [_met_by(signals, [piece], left) for piece in found if piece.start >= STARTING]
     if sum(one.step.size for one in alike) < MIN_REPEATED_SAMPLES:
-        return _of_all_that_is_left(fitted, records, signals, each, float("inf"))
+        return _of_all_that_is_left(fitted, records, each, float("inf"))
     slope, spread = _slope(alike, left)
     gain = max(slope / spread, 0.0) ** 2
     if gain < LEAST_GAIN:  # what repeats may be slow
-        return _of_all_that_is_left(fitted, records, signals, each, ts**2 * spread)
+        return _of_all_that_is_left(fitted, records, each, ts**2 * spread)
     size = min(max(_slope(each, left)[0], 0.0), SELDOM**2 * max(slope, 0.0))
     energy = size * sum(float(one.step @ one.energy) for one in each)
     return Lateness(ts * float(np.sqrt(size)), gain, ts**2 * spread, energy)
@@ -99,7 +102,6 @@ def lateness(fitted: Fit, records: Sequence[Record]) -> Lateness:
 def _of_all_that_is_left(
     fitted: Fit,
     records: Sequence[Record],
-    signals: Sequence[tuple[Array, Array, Array]],
     each: Sequence[_Met],
     scatter: float,
 ) -> Lateness:
@@ -112,7 +114,7 @@ def _of_all_that_is_left(
     parts = [
         linear_part(fitted.candidate, record, fitted.residuals[i], i, fitted.walk) for i, record in enumerate(records)
     ]
-    envelopes = [_envelopes(fitted, i, step) for i, (_, step, _) in enumerate(signals)]
+    envelopes = [_envelopes(fitted, i, record) for i, record in enumerate(records)]
     means = {kind: float(np.mean(np.concatenate([given[kind] for given in envelopes]))) for kind in envelopes[0]}
 
     def costs(kind: str, logs: Array) -> Array:
@@ -171,14 +173,16 @@ def _is_white(innovations: Sequence[Array], loop: float) -> bool:
     return True
 
 
-def _envelopes(fitted: Fit, index: int, step: Array) -> dict[str, Array]:
+def _envelopes(fitted: Fit, index: int, record: Record) -> dict[str, Array]:
     """What the variance of a white force may go with, by sample (n,): the squared steps of the command as it acts
-    [N^2], nothing [1], the speed [m/s] and its square, the squares of the acceleration, of the command and of the
-    friction [SI]."""
-    residual = fitted.residuals[index]
+    [N^2], those of its course without what answers the noise [N^2], nothing [1], the speed [m/s] and its square, the
+    squares of the acceleration, of the command and of the friction [SI]."""
+    residual, step = fitted.residuals[index], _steps(fitted, record)
     speed, command = residual.path.speed.mean(axis=1), residual.acts.sent.mean(axis=1)
+    width = SMOOTHED_LOOPS * loop_time(fitted.candidate.nominal) / record.sample_time
     return {
-        STEPS: step,
+        STEPS: step**2,
+        "smoothed steps": scipy.ndimage.gaussian_filter1d(step, width) ** 2,
         "constant": np.ones(step.size),
         "speed": np.abs(speed),
         "speed squared": speed**2,
@@ -210,10 +214,14 @@ def _signals(fitted: Fit, index: int, record: Record) -> tuple[Array, Array, Arr
     """Of a record, (n,) each: the innovations, the squared steps of the commands as they act [N^2], and whether the
     table moves by a step of the scale from sample to sample [1]."""
     machine, path = fitted.candidate.machine, fitted.paths[index].path.position.mean(axis=1)
-    delay = round(machine.plant.dead_time / record.sample_time)
-    step = np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size] ** 2
     moving = np.minimum(np.abs(np.gradient(path)) / (machine.scale.resolution or np.inf), 1.0)
-    return fitted.residuals[index].innovations, step, moving
+    return fitted.residuals[index].innovations, _steps(fitted, record) ** 2, moving
+
+
+def _steps(fitted: Fit, record: Record) -> Array:
+    """The steps of a record's commands (n,) [N] as they act."""
+    delay = round(fitted.candidate.machine.plant.dead_time / record.sample_time)
+    return np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size]
 
 
 def _met_by(signals: Sequence[tuple[Array, Array, Array]], group: Sequence[Piece], left: Array) -> _Met:

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import confusability
 from diagnosis.experiments.schedules import amplitude_ladder, multisine, repeated_strokes, sequence
 from diagnosis.model.fit import Fit
 from diagnosis.model.parameters import parameters
+from diagnosis.records.units import loop_time
 from diagnosis.refit import refit
 from diagnosis.which.command_jitter import Lateness, lateness
 from diagnosis.which.detectors import _accounts_for_the_rest
@@ -142,6 +144,25 @@ def test_late_commands_are_found_where_no_motion_repeats(beside: tuple[Effect, .
 def test_no_law_is_late_where_no_motion_repeats(effect: Effect | None) -> None:
     """A law leaves more than white noise for as long as it lasts, or goes with something else than the steps."""
     assert of_a_ladder(*([effect] if effect else [])).gain < 0.2 * LATE
+
+
+@pytest.mark.parametrize("follows", ["every step", "the motion"])
+def test_what_follows_the_motion_and_not_every_step_is_no_lateness(follows: str) -> None:
+    """On somebody else's simulator, what the file's form of the drive and its friction left beside a true law was as
+    large as the motions' steps, and went no further with those by which the loop answers the noise of readings: it was
+    told as late commands, by 163."""
+    (record,) = recorded(MACHINE, (amplitude_ladder(MACHINE),), seed=5)
+    made = refit(parameters(MACHINE, 1), (record,))
+    delay = round(MACHINE.plant.dead_time / record.sample_time)
+    step = np.diff(record.command, prepend=np.full(delay + 1, record.command[0]))[: record.command.size]
+    if follows == "the motion":
+        step = gaussian_filter1d(step, 0.5 * loop_time(MACHINE) / record.sample_time)
+    unknown = step * np.random.default_rng(3).standard_normal(step.size)
+    unknown *= 1.6 / np.std(unknown)
+    (residual,) = made.residuals
+    left = replace(made, residuals=(replace(residual, force=residual.force + unknown[:, None]),))
+    gain = lateness(left, (record,)).gain
+    assert gain > 10 * LATE if follows == "every step" else gain == 0.0
 
 
 def test_a_variance_has_none_to_go_with_on_an_axis_without_friction() -> None:
