@@ -24,11 +24,19 @@ UNSHOWN: Final = 6  # undetectable effects for which an experiment is searched, 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Where the gap lies, which effects the records can distinguish, and the next experiment, or None if none helps."""
+    """Where the gap lies, which effects the records can distinguish, and the next experiment, or None if none helps;
+    named: the effects that the diagnosis found, in whole or in part."""
 
     where: Where
     confusability: Confusability
     proposal: Proposal | None
+    named: tuple[str, ...] = ()
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """The effects that these records could not show at their typical size; one that is named is there at a size
+        that they do show, so it is none of them."""
+        return tuple(name for name in self.confusability.not_identifiable if name not in self.named)
 
     def to_json(self) -> dict[str, Any]:
         """The keys "where" and "confusability", and what the verdict says about both; SI."""
@@ -36,7 +44,7 @@ class Evidence:
             "where": place(self.where),
             "confusability": confusion(self.confusability),
             "verdict": {
-                "not_identifiable": list(self.confusability.not_identifiable),
+                "not_identifiable": list(self.not_identifiable),
                 "next_experiment": self.proposal.sentence if self.proposal else None,
             },
         }
@@ -79,7 +87,7 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
     proposal = _proposal(found, *looked, seed)
     if proposal is not None and found.baseline.machine.axis == "rotary":
         proposal = replace(proposal, sentence=turned(proposal.sentence))
-    return Evidence(*looked, proposal)
+    return Evidence(*looked, proposal, (*found.effects, *found.partly))
 
 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
