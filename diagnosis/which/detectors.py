@@ -116,12 +116,13 @@ def _from_afar(seen: View, proposal: Proposal) -> Proposal:
     return replace(proposal, effect=tried[best], in_sample_gain=gain) if gain > proposal.in_sample_gain else proposal
 
 
-def random_force(seen: View) -> Detected:
-    """A force about a frequency that is not locked to the motion, such as a floor's vibration."""
+def random_force(seen: View, about: float | None = None) -> Detected:
+    """A force about a frequency that is not locked to the motion, such as a floor's vibration; about: near this one
+    only [Hz], wherever it lies."""
     name, criteria = FloorVibration.name, seen.baseline.criteria
     if name in seen.disabled or _is_filled(seen) or len(seen.fitted.candidate.random_forces) >= criteria.max_effects:
         return Detected()
-    found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own)
+    found = strongest_random_force(seen.fitted, seen.baseline.records, seen.own, about)
     if found is None or _rings(seen.fitted, found.resonance.frequency):
         return Detected()
     threshold = max(seen.baseline.thresholds.get(name, 0.0), criteria.random_force_min_gain)

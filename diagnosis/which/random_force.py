@@ -82,11 +82,13 @@ def with_sines(candidate: Candidate) -> Candidate:
 
 
 def strongest_random_force(
-    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection
+    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, about: float | None = None
 ) -> RandomForce | None:
     """The random force that gains the most beside what is in the model; its gain over that of its neighbours, or of a
-    larger white force where that is more. None where the records are sampled too slowly for any."""
-    found = [_strongest(fitted, records, one, BANDWIDTHS[0]) for one in _frequencies(fitted, records, projection)]
+    larger white force where that is more. None where the records are sampled too slowly for any. about: looks only at
+    frequencies near this one [Hz], which may lie above those that are searched otherwise."""
+    tried = _frequencies(fitted, records, projection, about)
+    found = [_strongest(fitted, records, one, BANDWIDTHS[0]) for one in tried]
     if not found:
         return None
     best = max(found, key=lambda one: one.gain)
@@ -313,12 +315,17 @@ def _whole(reductions: Sequence[Array]) -> float:
     return sum(float(np.sum(one)) for one in reductions)
 
 
-def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisanceProjection) -> list[float]:
-    """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them."""
+def _frequencies(
+    fitted: Fit, records: Sequence[Record], projection: NuisanceProjection, near: float | None = None
+) -> list[float]:
+    """The strongest lines [Hz] of what the innovations have in common with a force, relative to those about them; near:
+    only those about this frequency [Hz], of which one is enough."""
     machine, sample_time = fitted.candidate.machine, records[0].sample_time
     known = (Priors(units=machine.priors.units), machine.priors)
     usual, stated = (next(item for item in parameters(FloorVibration, one) if item.role == "period") for one in known)
     low, high = min(usual.low, stated.low), _highest(machine, max(usual.high, stated.high), sample_time)
+    if near is not None:
+        high = max(high, min(near * SAME_FREQUENCY_RATIOS[1], _held(sample_time)))
     if low >= high:
         return []
     own = (stated.low, stated.high) != (usual.low, usual.high)
@@ -332,11 +339,13 @@ def _frequencies(fitted: Fit, records: Sequence[Record], projection: NuisancePro
         power += np.interp(bins, np.fft.rfftfreq(n, record.sample_time), _smooth(spectrum, 5), right=0.0)
     about = _usual_power(bins, power, low, high)
     inside = np.flatnonzero((bins >= max(low, first)) & (bins <= min(high, last)))
+    if near is not None:
+        inside = inside[[is_about(frequency, near) for frequency in bins[inside]]]
     found: list[float] = []
     for i in inside[np.argsort(-(power / about)[inside], kind="stable")]:
         if all(abs(np.log(bins[i] / other)) > 0.15 for other in found):
             found.append(float(bins[i]))
-        if len(found) == TRIED_FREQUENCIES:
+        if len(found) == (TRIED_FREQUENCIES if near is None else 1):
             break
     return found
 
@@ -345,10 +354,12 @@ def _highest(machine: Machine, usual: float, sample_time: float) -> float:
     """Up to which frequency [Hz] a random force is looked for: the usual one or, as what shakes belongs to the site and
     not to the machine, a part of the lowest mode's; within what records of this sample time [s] hold."""
     modes = [machine.plant.modes[i].frequency for i in machine.plant.flexible]
-    return min(
-        max(usual, BELOW_MODES * min(modes, default=np.inf)),
-        MAX_NYQUIST_SHARE / SAME_FREQUENCY_RATIOS[1] / 2 / sample_time,
-    )
+    return min(max(usual, BELOW_MODES * min(modes, default=np.inf)), _held(sample_time))
+
+
+def _held(sample_time: float) -> float:
+    """Up to which frequency [Hz] records of this sample time [s] hold a random force and its neighbours."""
+    return MAX_NYQUIST_SHARE / SAME_FREQUENCY_RATIOS[1] / 2 / sample_time
 
 
 def _usual_power(bins: Array, power: Array, low: float, high: float) -> Array:

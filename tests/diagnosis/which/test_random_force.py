@@ -28,6 +28,7 @@ from models.effects.base import Effect, Numbers, Place, T, V, hook
 from models.effects.parameter import parameter
 from models.effects.priors import Priors
 from models.effects.structure import FloorVibration
+from models.plant import Mode
 from tests.diagnosis.slow import leg, moved
 
 SLOW = 0.02  # m/s, below which the leg counts as at rest
@@ -161,6 +162,26 @@ def test_a_line_is_found_wherever_the_record_shows_it(share: float) -> None:
     assert found.resonance.frequency == pytest.approx(frequency, abs=1e-2)
     assert found.gain > 100
     assert found.steady > 0.5
+
+
+@pytest.mark.parametrize("about", [None, 46.4, 85.0])
+def test_above_half_of_the_lowest_mode_a_line_is_found_where_it_is_looked_for(about: float | None) -> None:
+    """What a wrong mode leaves would pass for one: but where a mode is about to be named, a line is looked for."""
+    machine = leg(500.0)
+    (rigid,) = machine.plant.modes
+    soft = replace(machine.plant, modes=(rigid, Mode(0.1 * rigid.gain, 62.0, 0.03)))
+    machine = replace(machine, plant=soft, scale=replace(machine.scale, resolution=1e-7, noise=3e-8))
+    record = moved(replace(machine, effects=(FloorVibration(0.6, 47.0, 1.0),)), seed=2, count=6000)
+    layout = parameters(machine, 1)
+    fitted = fit(Candidate(layout, np.zeros(layout.count)), [record])
+    own = partial_out(fitted, numbered(pieces([record]), [record]))
+    found = strongest_random_force(fitted, [record], own, about)
+    assert found is not None
+    if about == 46.4:
+        assert found.resonance.frequency == pytest.approx(47.0, abs=1e-2)
+        assert found.gain > 1000
+    else:
+        assert abs(found.resonance.frequency - 47.0) > 1.0
 
 
 @pytest.mark.parametrize("size", [0.3, 3.0, 10.0])

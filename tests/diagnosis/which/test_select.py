@@ -14,6 +14,7 @@ from diagnosis.model.fit import Fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
+from diagnosis.which.random_force import is_about
 from diagnosis.which.scan import Columns
 from diagnosis.which.select import Trial, grown, inadmissible, min_gain_beside_others
 from diagnosis.which.stage import Proposal, Stage
@@ -48,6 +49,7 @@ class Planned:
     criteria: Criteria = CRITERIA
     threshold: float = CRITERIA.min_gain
     travel: float = 0.1  # [m]
+    line: Proposal | None = None  # of a random force, where one is looked for only
 
     @property
     def floors(self) -> Array:
@@ -70,6 +72,13 @@ class Planned:
             Trial(one, replace(stage.fitted, candidate=one.added_to(stage.fitted.candidate), cost=self.costs[one.name]))
             for one in proposals
         ]
+
+    def shaking(self, stage: Stage, frequency: float) -> tuple[Proposal, ...]:
+        line = self.line
+        known = line is None or line.random_force in stage.fitted.candidate.random_forces
+        if line is None or line.random_force is None or known or not is_about(frequency, line.random_force.frequency):
+            return ()
+        return (line,)
 
     def settled(self, trial: Trial, before: Stage) -> Trial:  # noqa: ARG002 - of the protocol
         return trial
@@ -366,6 +375,24 @@ def test_a_mode_goes_before_the_random_force_that_stands_in_for_it(
     plan = Planned({0: {"additional_mode": gain}}, costs, {"additional_mode": mode}, {0: _force(300.0)})
     stages = grown(_fit(START), plan)
     assert stages[1].added == ("additional_mode" if first else "floor_vibration")
+
+
+@pytest.mark.parametrize(
+    ("frequency", "by_line", "name"),
+    [
+        (8.4, 320.0, "floor_vibration"),  # a fan of 47 Hz had been handed over as a mode of 46.4 Hz
+        (8.4, 280.0, "additional_mode"),
+        (12.0, 320.0, "additional_mode"),
+    ],
+)
+def test_a_mode_competes_with_what_shakes_the_axis_about_its_frequency(
+    frequency: float, by_line: float, name: str
+) -> None:
+    """Though no detector proposes a line there, as beside a mode that the file knows none is looked for."""
+    mode = AdditionalMode(1e-3, frequency, 0.02)
+    costs = {"floor_vibration": START - by_line, "additional_mode": START - 300.0}
+    plan = Planned({0: {"additional_mode": 300.0}}, costs, {"additional_mode": mode}, {}, line=_force(300.0))
+    assert grown(_fit(START), plan)[1].added == name
 
 
 def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wrong_by() -> None:
