@@ -30,7 +30,7 @@ WALK_IN_A_LOOP: Final = 0.14  # the same in a loop time: a random walk goes with
 WALK_OF_FRICTION: Final = 1.3e-3
 """The walk of the unknown force in a loop time, of the friction [1] at most. On a scale that is coarse for the contacts
 the usual white force is large, but what it stands for does not walk: beside a force that walked by 0.0045 of the
-friction or more, none of what acts slowly was seen on two of eight machines of the trial."""
+friction a ripple and a drift were not seen on one machine of the trial. The paper's table has 0.0007, EMPS 0.00125."""
 READABLE: Final = 1.3e-5  # of the contacts' length: noise of a reading that is said to have none
 SOFT: Final = 1e-3  # of the loop's stiffness: contacts that are softer do not hold an axis, and
 SLIGHT: Final = 1e-2  # of the rated thrust: friction that is less is not what its forces are like
