@@ -224,6 +224,12 @@ class Criteria:
         "part of the earlier effects' gain, from which on a further effect at the bounds of its prior range is more "
         "than the error of their form",
     )
+    min_ratio_at_bound: float = _criterion(
+        1.1,
+        "1",
+        "times the gain of the best effect within its range, from which on one at the bounds of its own goes before it",
+        "a drift of friction on a drawn machine: 1.04, by friction that varied once in 1.5 travels",
+    )
     dull_gain: float = _criterion(
         10.0, "1", "chi-square below which, at the first two stages, an effect is not looked at again"
     )

@@ -186,6 +186,7 @@ def grown(nominal: Fit, search: Search, say: Callable[[str], None] = lambda _: N
         trials = [trial for trial in trials if trial.proposal.name not in set_aside]
         if not trials:
             continue
+        trials = within_range(trials, stages[-1], criteria)
         first = min(trials, key=lambda trial: trial.fitted.cost)
         best = search.settled(first, stages[-1])
         if stages[-1].fitted.cost - best.fitted.cost < criteria.min_gain:
@@ -373,6 +374,16 @@ def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Searc
         little = [trial for trial in bounded if here.cost - trial.fitted.cost < large]
         names |= {trial.proposal.name for trial in little if not _is_of_rest(trial, here, search)}
     return names
+
+
+def within_range(trials: Sequence[Trial], before: Stage, criteria: Criteria) -> list[Trial]:
+    """Of effects that were tried those that may be kept: not one that ran to the bounds of its prior range, where it
+    is another law's stand-in, and gains little more than one within its range does."""
+    outside = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
+    inside = [trial for trial in trials if trial not in outside]
+    gains = [before.fitted.cost - trial.fitted.cost for trial in inside]
+    enough = criteria.min_ratio_at_bound * max(gains, default=0.0)
+    return [*inside, *(one for one in outside if before.fitted.cost - one.fitted.cost > enough)]
 
 
 def _is_of_rest(trial: Trial, before: Fit, search: Search) -> bool:

@@ -11,6 +11,11 @@ from models.effects.parameter import MAX_SCALED_FACTOR, counted, parameter, peri
 
 RIPPLE: Final = "Tan, Huang and Lee 2002, Compensation for friction and force ripple in permanent-magnet linear motors"
 FULL_THRUST: Final = 100.0  # N, at which the saturation's loss is stated
+OF_THE_NOISE: Final = {
+    "force": 1,
+    "contact": -1,
+    "reading": 1,
+}  # the force that the scale's noise makes of the contacts
 
 
 @hook
@@ -224,7 +229,11 @@ class AmplifierDeadband(Effect):
         "Tao and Kokotović 1996, Adaptive control of systems with actuator and sensor nonlinearities; sizes assumed"
     )
     hooks: ClassVar = {Place.COMMAND: _dead}
-    width: float = parameter("N", "command w up to which nothing happens", 0.05, 0.5, "width", at_least=0)
+    width: float = counted(
+        parameter("N", "command w up to which nothing happens", 0.05, 0.5, "width", points_per_decade=6, at_least=0),
+        {"force": 1},
+        OF_THE_NOISE,  # beside a coarse scale only a wide one is seen
+    )
 
 
 @hook

@@ -250,6 +250,19 @@ def test_a_second_effect_at_its_bounds_counts_only_if_it_is_large(factor: float)
     assert [set(stage) for stage in found] == [set(), {"play"}, *([{"play", "cogging"}] if factor > 1 else [])]
 
 
+@pytest.mark.parametrize(("factor", "kept"), [(0.95, "friction_drift"), (1.05, "cogging")])
+def test_a_law_within_its_range_goes_before_one_at_its_bounds(factor: float, kept: str) -> None:
+    """A friction that warmed was none of these: one that varied once in 1.5 travels left 4 % less."""
+    gain, bent = 500.0, Cogging(1.0, 9.0, 0.0)
+    costs = {"friction_drift": START - gain, "cogging": START - gain * factor * CRITERIA.min_ratio_at_bound}
+    promises = {0: {"friction_drift": 900.0, "cogging": 800.0}}
+    stages = grown(_fit(START), Planned(promises, costs, {"cogging": bent}, {}))
+    assert [stage.added for stage in stages] == [None, kept]
+    assert [name for name, _ in stages[-1].rivals] == [kept, *(["friction_drift"] if kept == "cogging" else [])]
+    alone = grown(_fit(START), Planned({0: {"cogging": 800.0}}, costs, {"cogging": bent}, {}))
+    assert alone[-1].added == "cogging"
+
+
 @dataclass(frozen=True)
 class Forced(Planned):
     """One in which a second effect leaves such a part of the unknown force of the first alone."""

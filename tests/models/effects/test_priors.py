@@ -17,7 +17,7 @@ from diagnosis.model.fit import OF_PERIOD, bounds_of, fine_step, parameters_at_b
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import SIZES, every, looked_for, range_declarations
 from models.effects.friction_laws import DirectionalFriction, Stribeck, VelocityStrengthening
-from models.effects.motor import Cogging, DacQuantisation
+from models.effects.motor import AmplifierDeadband, Cogging, DacQuantisation
 from models.effects.parameter import POSITIVE
 from models.effects.priors import USUAL, Priors
 from models.effects.scale import ScalePeriodicError
@@ -227,3 +227,12 @@ def test_a_mode_is_looked_for_from_well_below_the_crossover_on(loop: float) -> N
     least, most = item.widest
     assert least <= 0.25 / (2 * math.pi * loop) * (1 + 1e-12)
     assert most >= 0.39 / usual.units.sample
+
+
+@pytest.mark.parametrize("factor", [0.1, 24.0])
+def test_a_deadband_may_be_as_wide_as_the_scale_shows(factor: float) -> None:
+    """Beside a scale whose noise makes 13 % of the friction, one of 21 % of it was refused at the end of its range."""
+    usual = load().priors
+    (plain,) = parameters(AmplifierDeadband, usual)
+    (item,) = parameters(AmplifierDeadband, Priors.of({}, replace(usual.units, reading=factor * usual.units.reading)))
+    assert (item.low, item.high) == pytest.approx((plain.low * min(1.0, factor), plain.high * max(1.0, factor)))
