@@ -39,8 +39,19 @@ def in_short(results: Results) -> list[str]:
 def remarks(results: Results) -> list[str]:
     """What to know of the file that is handed over: what it leaves, and why it is not another one."""
     law = [] if unknown_law.is_the_answer(results) else unknown_law.left(results["how_far"])
-    told = [*_handed_over(results), *_modes_kept(results["how_far"]), *_overrun(results)]
+    told = [*_handed_over(results), *_as_commanded(results), *_modes_kept(results["how_far"]), *_overrun(results)]
     return [*no_floor_told(results["how_far"]), *law, *told]
+
+
+def _as_commanded(results: Results) -> list[str]:
+    """That the file's figures are those under the logged commands, where its own controller makes others."""
+    made = all(one["replays"] for one in results["where"]["details"]["controller"])
+    if made or results["how_far"]["adopted_file"] == Content.DELIVERED:
+        return []
+    return [
+        "All of this is under the commands as they were logged, which the stated controller does not make: in a "
+        "simulation of improved.toml it makes others, until the controller in the file or in the drive is corrected."
+    ]
 
 
 def _modes_kept(far: Results) -> list[str]:

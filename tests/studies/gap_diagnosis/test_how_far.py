@@ -98,6 +98,10 @@ def test_a_log_that_is_late_tells_its_change_and_claims_no_closure(results: dict
         "What is named is not part of improved.toml; re-fitting the nominal values takes the gap from"
     )
     assert "closes" not in told["how_far"]
+    assert "under the commands as they were logged" in told["how_far"]
+    kept = {**whole, "how_far": {**whole["how_far"], "adopted_file": "as delivered", "harms": []}}
+    assert "as they were logged" not in sentences(kept)["how_far"]
+    assert "as they were logged" not in sentences(results)["how_far"]
     for other in ({"would_leave_N": 1.0}, {"would_fit": None}):
         replay |= other
         assert "the stated controller makes" not in sentences(whole)["which"]
