@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import show
-from models.records.checks import INERTIA, Facts, at_rest, fitted_mass, is_at_rate, quantisation, replay, smoothed
+from models.records.checks import (
+    INERTIA,
+    Facts,
+    at_rest,
+    fitted_mass,
+    is_at_rate,
+    quantisation,
+    replay,
+    smoothed,
+)
 from models.records.feedback_sign import Mistake, mistake
 from models.records.record import Record
 
@@ -41,6 +50,11 @@ FASTER: Final = 10.0
 # Of its distance from the stated offset, within which a mean command at rest of minus that offset is one with its sign
 # turned.
 TURNED_OFFSET_RATIO: Final = 0.2
+CLOSED: Final = 0.1  # of the way, within which a path ends where it began
+FEWEST_WINDOWS: Final = 40  # in a record at least, over which its slowest motion is seen
+TAKEN: Final = -0.5  # of all that a command does, from which on it takes out what it should put in,
+OF_FRICTION: Final = -0.3  # and of what the stated friction takes on the way; noise and resonances make 0.04 of it
+SLIGHT: Final = 0.005  # of the rated thrust: friction that is less is not what such work is told by
 FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a motion
 FEWEST_SPACED: Final = 50  # samples that a reading of slow motions is compared at
 MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
@@ -59,7 +73,7 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
     yield from _against_sample_time(record, facts)
     yield from _swapped(record, given)
     against = [*_against_feedback(ran, facts)] if {"reference", "target"} & given else []
-    yield from against
+    yield from against or _against_motion(ran, facts)
     if "reference" in given and np.ptp(record.reference) > 0:
         yield from _against_reference(ran, facts)
     yield from _against_scale(record, facts)
@@ -157,6 +171,34 @@ def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
                 "reference rises, which no stable loop does; map each to its column, or "
                 'turn the command by "NAME * -1"'
             )
+
+
+def _against_motion(record: Record, facts: Facts) -> Iterator[str]:
+    """A command that takes energy out of the axis, whoever made it: along a path that ends where it began all that
+    springs and gravity take comes back, and friction takes more. Where a resonance lies between motor and scale they
+    may well move against each other, and a controller pushes against what a scale's noise looks like, so that the
+    slowest part of the motion counts, beside what the stated friction takes."""
+    closed = abs(record.position[-1] - record.position[0]) <= CLOSED * np.ptp(record.position)
+    if not closed or not facts.friction or facts.friction < SLIGHT * (facts.limit or 0.0):
+        return
+    widest = record.position.size // FEWEST_WINDOWS
+    parts = [_put_in(record, samples, facts) for samples in (widest // 2, widest) if samples >= SMOOTHED]
+    if len(parts) > 1 and all(share < TAKEN and ratio < OF_FRICTION for share, ratio in parts):
+        yield (
+            "the command brakes the motion: over a path that ends where it began it takes energy out of the axis; its "
+            'sign looks turned, or that of position and reference; turn it by "NAME * -1"'
+        )
+
+
+def _put_in(record: Record, samples: int, facts: Facts) -> tuple[float, float]:
+    """The work of the command but for what the mass has more at the end than at first, over all that it did in either
+    direction, and over what the stated friction takes on that way [1]; smoothed over so many samples."""
+    _, speed, _, force = smoothed(record, samples)
+    work = (force - np.mean(force)) * speed
+    moved = 0.5 * (facts.mass or 0.0) * (speed[-1] ** 2 - speed[0] ** 2) / record.sample_time
+    by_friction = (facts.friction or 0.0) * float(np.sum(np.abs(speed)))
+    left = float(np.sum(work)) - moved
+    return left / max(float(np.sum(np.abs(work))), 1e-300), left / max(by_friction, 1e-300)
 
 
 def _against_offset(record: Record, facts: Facts) -> Iterator[str]:

@@ -89,6 +89,32 @@ def test_an_axis_whose_log_counts_down_as_positive_is_told_by_the_force_that_it_
     assert alone.startswith("the sign of the command looks turned")
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("turned", [("command",), ("command", "feedforward"), ("target", "reference", "position")])
+def test_a_command_that_takes_energy_out_is_turned_whoever_made_it(turned: tuple[str, ...], factor: float) -> None:
+    """A cascade's log without its feedforward had passed for a saturation of the whole thrust. The friction is hardly
+    known: by a factor of two."""
+    facts = replace(FACTS, friction=factor * MACHINE.friction.coulomb_force)
+    rolls = _back_and_forth()
+    assert list(doubts(rolls, GIVEN - {"feedforward"}, facts)) == []
+    log = replace(rolls, **{name: -getattr(rolls, name) for name in turned})
+    assert any("takes energy out of the axis" in doubt for doubt in doubts(log, GIVEN - {"feedforward"}, facts))
+
+
+def test_a_path_that_ends_elsewhere_tells_nothing_of_the_sign() -> None:
+    """A load that drives the axis gives its energy back only where it returns."""
+    rolls = _back_and_forth()
+    half = rolls.part(0, rolls.position.size // 8)
+    assert abs(half.position[-1] - half.position[0]) > 0.1 * np.ptp(half.position)
+    assert list(doubts(replace(half, command=-half.command), {"command", "position"}, FACTS)) == []
+
+
+def _back_and_forth() -> Record:
+    """Strokes that return, by a controller that nobody states."""
+    t = MACHINE.sample_time * np.arange(8000)
+    return simulate(MACHINE, MACHINE.feedback_only(), 5e-3 * np.sin(2 * np.pi * 0.5 * t), seed=1).record
+
+
 @pytest.mark.parametrize("factor", [-0.5, 0.0, 0.5, 3.0])
 def test_an_offset_that_is_another_one_is_no_turned_log(factor: float) -> None:
     facts = Facts(**known_of(HANGING))
