@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -33,6 +34,8 @@ from models.records.checks import is_at_rate, noise_gain
 from models.records.files import Loaded
 from models.records.record import Record
 
+FALLS: Final = (-2.5, -1.5)  # of a response over the frequency, both as logarithms: that of a mass is -2
+ALONG: Final = 0.9  # cosine of the phase from which on a position is along with its command, and no mass' answer to it
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
 
 # Reduced chi-square from which on friction may bend what the file says it does not.
@@ -55,6 +58,7 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
             measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
+    _check_sign(measured)
     measured, fit, smooth = _fitted(found, measured, settings, smooth=smooth)
     spring = _spring(found, smooth=smooth)
     _check_excited(fit, measured)
@@ -172,3 +176,18 @@ def _check_excited(fit: modes.Fit, measured: FrequencyResponse) -> None:
         f"{100 * gain_std / gain:.2g} % and the dead time by {1e3 * late_std:.2g} ms; excite with more force, over two "
         "octaves or more, or name another kind"
     )
+
+
+def _check_sign(measured: FrequencyResponse) -> None:
+    """Raises ValueError for a mass that goes against its command at the lower half of the lines, by octaves. What
+    sticks, or a spring holds, goes along with its command, too, but falls less; behind a resonance it falls more."""
+    f, answer = measured.frequency, measured.response
+    low = f < math.sqrt(f[0] * f[-1])
+    if np.count_nonzero(low) < modes.FEWEST_LINES:
+        return
+    fall = np.polyfit(np.log(f[low]), np.log(np.abs(answer[low])), 1)[0]
+    if FALLS[0] < fall < FALLS[1] and np.median(np.cos(np.angle(answer[low]))) > ALONG:
+        raise ValueError(
+            "moves the axis against its command: the sign of the command looks turned, or that of position and "
+            'reference; turn it by "NAME * -1"'
+        )

@@ -90,6 +90,16 @@ def test_a_response_that_shows_nothing_is_refused_with_the_reason() -> None:
         identify(MACHINE, [replace(one, content=vague)])
 
 
+@pytest.mark.parametrize("turned", [("command",), ("command", "feedforward"), ("reference", "position")])
+def test_an_excitation_whose_command_is_turned_is_refused(turned: tuple[str, ...]) -> None:
+    """A user's was fitted for minutes and then said to excite the axis too little."""
+    record = own_records.excitation(MACHINE, 1)
+    log = replace(record, **{name: -getattr(record, name) for name in turned})
+    loaded = Loaded("sweep.csv", "0", log, (), ())
+    with pytest.raises(RecordError, match=r"sweep\.csv: moves the axis against its command: the sign"):
+        identify(MACHINE, [loaded], kinds=["excitation"])
+
+
 def test_a_record_of_one_direction_shows_no_friction() -> None:
     """What is the friction's there may as well be an offset's, however much a force shakes the axis."""
     record = own_records.excitation(MACHINE, 1)
