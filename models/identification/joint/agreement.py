@@ -1,4 +1,4 @@
-"""Several force records of one kind: one value of them all, and where they disagree."""
+"""Several records of one kind: one value of them all, and where they disagree."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from models.identification.estimate import Estimate, combined
+from models.identification import modes
+from models.identification.estimate import LEAST_STD, Estimate, combined
 from models.identification.force.fit import ForceFit
 from models.identification.into_machine import Holdable
 from models.identification.joint.steps import ForceStep, Identified, MotionStep, Step
-from models.identification.modal.remarks import ResponseStep
+from models.identification.modal.remarks import ResponseStep, surely_apart
 from models.machine import Machine
 from models.quantity import show
 from models.records.files import Loaded
@@ -49,6 +50,19 @@ def joint_estimate(estimates: Sequence[Estimate], names: Sequence[str]) -> Estim
     units = tuple(estimates[0].units[estimates[0].names.index(name)] for name in names)
     values, stds = (np.array([one[i] for one in joint]) for i in range(2))
     return Estimate(tuple(names), units, values, np.diag(stds**2))
+
+
+def spanned(joint: modes.Fit, responses: Sequence[ResponseStep]) -> modes.Fit:
+    """The plant of several responses, each value with a deviation as wide as it is away from those that surely have
+    another: what depends on the amplitude is known no better, however small the noise."""
+    estimate = joint.estimate
+    wide = estimate.deviations
+    for one in responses:
+        for name, (together, alone), _ in surely_apart(estimate, one.estimate):
+            place = estimate.names.index(name)
+            wide[place] = max(wide[place], abs(together - alone))
+    factor = wide / np.maximum(estimate.deviations, LEAST_STD)
+    return replace(joint, estimate=replace(estimate, covariance=estimate.covariance * np.outer(factor, factor)))
 
 
 def joint_force(helds: Sequence[Holdable], best: int) -> tuple[Holdable, bool]:

@@ -16,13 +16,14 @@ from models.identification import modes, response
 from models.identification.estimate import LOOSE
 from models.identification.force.fit import SPRING
 from models.identification.into_machine import Found, spring_of, with_response, with_spring
-from models.identification.joint.agreement import together
+from models.identification.joint.agreement import spanned, together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
 from models.identification.modal.remarks import (
     ResponseStep,
     bent,
     on_disagreement,
     on_left_out,
+    on_one_alone,
     on_response,
     refuted,
 )
@@ -71,9 +72,10 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         every = [*earlier, Step(kind, loaded, step)]
         used = _not_refuted([one for one in every if not bent(_gave(one).measured)] or _least_bent(every))
         fits = [_gave(one) for one in used]
-        best = _together(fits, settings, spring)
+        joint, names = _together(fits, settings, spring), [one.loaded.name for one in used]
+        best = spanned(joint, fits)
         step = replace(step, together=best)
-        remarks += on_disagreement([one.loaded.name for one in used], fits)
+        remarks += [*on_disagreement(names, fits), *on_one_alone(names, fits, joint.estimate)]
         remarks += on_left_out([(one.loaded.name, _gave(one)) for one in every if one not in used])
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)

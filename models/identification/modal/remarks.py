@@ -146,12 +146,27 @@ def on_disagreement(names: Sequence[str], steps: Sequence[ResponseStep]) -> Iter
         if first.level and second.level and not 1 / OTHER_LEVEL < first.level / second.level < OTHER_LEVEL:
             levels = f"{show(first.level, 'N', 3)} and {show(second.level, 'N', 3)}"
             why = f"excited with {levels} rms: the response depends on the amplitude"
-        for name, values, apart in _apart(first.fit.estimate, second.fit.estimate):
+        for name, values, far in surely_apart(first.fit.estimate, second.fit.estimate):
             cause = why or next(cause for begin, cause in CAUSES if name.startswith(begin))
             unit = first.fit.estimate.units[first.fit.estimate.names.index(name)]
             yield (
                 f"{one} and {other} disagree in the {name}, {show(values[0], unit)} and {show(values[1], unit)}, by "
-                f"{apart:.1f} standard deviations ({cause}); the machine file has the value of the fit to all together."
+                f"{far:.1f} standard deviations ({cause}); the machine file has the value of the fit to all together, "
+                "with a deviation as wide."
+            )
+
+
+def on_one_alone(names: Sequence[str], steps: Sequence[ResponseStep], joint: Estimate) -> Iterator[str]:
+    """What one response alone shows, where the fit to all together surely has another value."""
+    for record, step in zip(names, steps, strict=True):
+        others = [one.estimate for one in steps if one is not step]
+        for name, (together, alone), _ in surely_apart(joint, step.estimate):
+            if any(_twin(joint, other, name) for other in others):
+                continue  # which is told as a disagreement
+            unit = joint.units[joint.names.index(name)]
+            yield (
+                f"{record} alone shows a {name} of {show(alone, unit)}, and the fit to all together one of "
+                f"{show(together, unit)}; the machine file has the latter, with a deviation as wide."
             )
 
 
@@ -168,7 +183,7 @@ def on_left_out(steps: Sequence[tuple[str, ResponseStep]]) -> Iterator[str]:
         )
 
 
-def _apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, float], float]]:
+def surely_apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, float], float]]:
     """Parameters of both that differ surely: name, both values [SI], and how many deviations [1]. Modes go by their
     frequencies; dead time and lag are compared only where both responses tell them apart."""
     for name in one.names:
@@ -178,9 +193,9 @@ def _apart(one: Estimate, other: Estimate) -> Iterator[tuple[str, tuple[float, f
         ):
             continue
         values = one.value(name), other.value(twin)
-        apart = abs(values[0] - values[1]) / max(math.hypot(one.deviation(name), other.deviation(twin)), 1e-300)
-        if apart > SIGMAS:
-            yield name, values, apart
+        far = abs(values[0] - values[1]) / max(math.hypot(one.deviation(name), other.deviation(twin)), 1e-300)
+        if far > SIGMAS:
+            yield name, values, far
 
 
 def _twin(one: Estimate, other: Estimate, name: str) -> str | None:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from models.identification import modes
+from models.identification.estimate import Estimate
+from models.identification.joint.agreement import spanned
 from models.identification.modal.fitting import trend, with_mode
 from models.identification.modal.order import SAME_MODE_DISTANCE, Candidate, _sound, faults, fitted
 from models.identification.modal.problem import Structure, problem_of
-from models.identification.modal.remarks import ResponseStep, on_disagreement, on_response
+from models.identification.modal.remarks import ResponseStep, on_disagreement, on_one_alone, on_response
 from models.identification.pipeline import identify
 from models.identification.response import FrequencyResponse
 from models.machine import load
@@ -140,6 +142,47 @@ def test_responses_that_disagree_are_named_with_parameter_and_cause() -> None:
     said = list(on_disagreement(["a", "b"], steps))
     assert [text.split(",")[0] for text in said] == ["a and b disagree in the mode 2 frequency"]
     assert "depends on the amplitude" in said[0]
+    joint = modes.fit_together([one.measured for one in steps], [one.fit.used for one in steps])
+    wide = spanned(joint, [*steps]).estimate
+    assert np.array_equal(wide.values, joint.estimate.values)
+    frequency = wide.value("mode 2 frequency")
+    for step in steps:
+        assert abs(step.estimate.value("mode 2 frequency") - frequency) <= wide.deviation("mode 2 frequency")
+    assert wide.deviation("dead time") == joint.estimate.deviation("dead time")
+    assert np.all(np.linalg.eigvalsh(wide.correlation) > -1e-9)
+
+
+def test_what_one_response_alone_shows_is_told_beside_that_of_all() -> None:
+    """A user's sweep showed a drag of 419 N s/m; the machine file had 77 +- 16 from all of them, without a word."""
+    steps = [ResponseStep(one, modes.fit(one)) for one in (measured(AXIS, 1), measured(AXIS, 2))]
+    estimates = [_with_drag(steps[0].estimate, *drag) for drag in ((419.0, 15.0), (77.0, 16.0))]
+    alone = [replace(steps[0], fit=replace(steps[0].fit, estimate=estimates[0])), _without_drag(steps[1])]
+    (said,) = on_one_alone(["a", "b"], alone, estimates[1])
+    assert said.startswith("a alone shows a viscous friction of 419 N s/m, and the fit to all together one of 77 N s/m")
+    joint = replace(steps[0].fit, estimate=estimates[1])
+    assert spanned(joint, alone).estimate.deviation(modes.DRAG) == pytest.approx(342.0)
+
+
+def _with_drag(estimate: Estimate, size: float, std: float) -> Estimate:
+    """The estimate with another drag [N s/m]."""
+    place = estimate.names.index(modes.DRAG)
+    values, covariance = estimate.values.copy(), estimate.covariance.copy()
+    values[place], covariance[place], covariance[:, place] = size, 0.0, 0.0
+    covariance[place, place] = std**2
+    return replace(estimate, values=values, covariance=covariance)
+
+
+def _without_drag(step: ResponseStep) -> ResponseStep:
+    """The step as of a response that shows no drag."""
+    estimate = step.estimate
+    kept = [i for i, name in enumerate(estimate.names) if name != modes.DRAG]
+    fewer = Estimate(
+        tuple(estimate.names[i] for i in kept),
+        tuple(estimate.units[i] for i in kept),
+        estimate.values[kept],
+        estimate.covariance[np.ix_(kept, kept)],
+    )
+    return replace(step, fit=replace(step.fit, estimate=fewer))
 
 
 def test_a_response_that_no_plant_fits_does_not_move_that_of_another() -> None:
