@@ -45,6 +45,7 @@ class Mistake(Enum):
     SWAPPED = "reference and position are swapped"
     TURNED = "the sign of the command is turned"
     FEEDFORWARD = "the sign of the feedforward is turned"
+    BOTH = "the signs of command and feedforward are turned"
     EITHER = "reference and position are swapped, or the sign of the command is turned"
 
 
@@ -59,6 +60,9 @@ def mistake(record: Record, feedback: Feedback | None, reference_delay: int) -> 
             Mistake.SWAPPED: _left(_swapped(record), feedback, reference_delay),
             Mistake.TURNED: _left(replace(record, command=-record.command), feedback, reference_delay),
             Mistake.FEEDFORWARD: _left(replace(record, feedforward=-record.feedforward), feedback, reference_delay),
+            Mistake.BOTH: _left(
+                replace(record, command=-record.command, feedforward=-record.feedforward), feedback, reference_delay
+            ),
         }
         best = min(left, key=lambda one: left[one])
         if left[best] < MADE * min(left[None], 1.0):

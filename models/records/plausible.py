@@ -165,6 +165,11 @@ def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
                 "the sign of the feedforward looks turned: the stated controller makes the logged command with -1 "
                 'times the feedforward, and not with it as it is; turn it by "NAME * -1"'
             )
+        case Mistake.BOTH:
+            yield (
+                "the signs of command and feedforward look turned: the stated controller makes -1 times what is logged "
+                'of both; turn each by "NAME * -1", as in "CURRENT * -42 N/A"'
+            )
         case Mistake.EITHER:
             yield (
                 "reference and position look swapped, or the sign of the command turned: the command falls where the "

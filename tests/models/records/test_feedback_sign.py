@@ -128,7 +128,7 @@ def test_the_stated_controller_tells_a_turned_command_from_swapped_signals(kind:
 def test_where_the_replay_leaves_it_open_the_signs_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a user's cascade with a feedforward that is not logged: swapped, it leaves 0.095 of the command where 0.57
     were left, which is less than a tenth but not by far less, and nothing was said."""
-    left = iter((0.569, 0.095, 1.0, 0.569, 0.095, 0.569, 1.0, 0.095))
+    left = iter((0.569, 0.095, 1.0, 0.569, 1.0, 0.095, 0.569, 1.0, 0.095, 1.0))
     monkeypatch.setattr("models.records.feedback_sign._left", lambda *_: next(left))
     law = MACHINE.control.feedback, MACHINE.control.reference_delay
     assert mistake(swapped(LOOPS["of the error"]), *law) is Mistake.EITHER
@@ -141,6 +141,10 @@ def test_a_turned_command_shows_at_a_reference_that_stands_still() -> None:
     assert mistake(still, *law) is None
     assert mistake(replace(still, command=-still.command), *law) is Mistake.TURNED
     assert mistake(replace(still, feedforward=-still.feedforward), *law) is Mistake.FEEDFORWARD
+    both = replace(still, command=-still.command, feedforward=-still.feedforward)
+    assert mistake(both, *law) is Mistake.BOTH  # as where both columns are currents, with a factor of the wrong sign
+    (told,) = doubts(both, GIVEN, Facts(pid=law[0], reference_delay=law[1]))
+    assert told.startswith("the signs of command and feedforward look turned")
 
 
 @pytest.mark.parametrize("digits", [6, 8, 10, 12, 15])
