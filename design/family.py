@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from design.loop import dominant_pole
 from models.controller import Feedback
 from models.machine import Machine
-from models.plant import Plant, sampled
+from models.plant import Mode, Plant, sampled
 from models.variation import Variation, known, varied_plant
 
 if TYPE_CHECKING:
@@ -86,13 +86,15 @@ def slopes(machine: Machine) -> dict[str, float]:
 class Linear:
     """What a machine's effects add to its plant that is linear: the modes are in `plant`, and delays that are no lag.
 
-    lag [s]: of the thrust behind its command; drag [N s/m]; spring to ground [N/m].
+    lag [s]: of the thrust behind its command; drag [N s/m]; spring to ground [N/m]; by_friction: modes that the
+    friction drives and the thrust does not.
     """
 
     plant: Plant
     lag: float
     drag: float
     spring: float
+    by_friction: tuple[Mode, ...] = ()
 
     @property
     def late(self) -> Plant:
@@ -111,17 +113,28 @@ def linear(machine: Machine, plant: Plant | None = None) -> Linear:
         lag,
         sum(effect.viscous_drag() for effect in effects),
         sum(effect.spring_to_ground() for effect in effects),
+        sum((effect.modes() for effect in effects if effect.friction_drives), ()),
     )
 
 
-def with_effects(machine: Machine, plant: Plant | None = None, slope: float = 0.0) -> control.StateSpace:
-    """The sampled plant, by default the machine's, at a slope of the friction [N/m], with the linear part of the
-    effects."""
+def with_effects(
+    machine: Machine, plant: Plant | None = None, slope: float = 0.0, *, parts: int = 1
+) -> control.StateSpace:
+    """The plant, by default the machine's, at a slope of the friction [N/m], with the linear part of the effects; so
+    many times as fast sampled as the controller."""
     known = linear(machine, plant)
-    return sampled(known.plant, machine.sample_time, slope + known.spring, damping=known.drag, lag=known.lag)
+    return sampled(
+        known.plant,
+        machine.sample_time / parts,
+        slope + known.spring,
+        damping=known.drag,
+        lag=known.lag,
+        by_friction=known.by_friction,
+    )
 
 
 def largest_pole(machine: Machine, feedback: Feedback) -> float:
     """Largest magnitude [1] of the eigenvalues of the loop on the rolling axis: above 1 it is unstable."""
     known = linear(machine)
-    return abs(dominant_pole(known.plant, feedback, machine.sample_time, known.spring, known.drag, known.lag))
+    held = (known.spring, known.drag, known.lag, known.by_friction)
+    return abs(dominant_pole(known.plant, feedback, machine.sample_time, *held))

@@ -19,7 +19,7 @@ from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
 from models.controller import Feedback
 from models.feedback.law import Law
-from models.plant import Plant, sampled, sampled_matrices
+from models.plant import Mode, Plant, sampled_matrices
 from models.quantity import show
 
 if TYPE_CHECKING:
@@ -119,13 +119,14 @@ def dominant_pole(
     stiffness: float = 0.0,
     damping: float = 0.0,
     lag: float = 0.0,
+    by_friction: tuple[Mode, ...] = (),
 ) -> complex:
     """The closed loop's eigenvalue z [1] of the largest magnitude, one of a pair; inf where the loop is not finite.
 
-    sample_time [s]; stiffness [N/m], damping [N s/m]: of a spring in place of the friction, lag [s] of the thrust, see
-    `sampled_matrices`.
+    sample_time [s]; stiffness [N/m], damping [N s/m]: of a spring in place of the friction, which drives modes of its
+    own, lag [s] of the thrust, see `sampled_matrices`.
     """
-    a, b, c = sampled_matrices(plant, sample_time, stiffness, damping=damping, lag=lag)
+    a, b, c = sampled_matrices(plant, sample_time, stiffness, damping=damping, lag=lag, by_friction=by_friction)
     a_pid, b_pid, c_pid, d_pid = controller_matrices(feedback, sample_time)
     loop = np.block([[a - b @ d_pid @ c, b @ c_pid], [-b_pid @ c, a_pid]])
     if not np.all(np.isfinite(loop)):
@@ -288,23 +289,13 @@ def disturbance_response(plant: control.StateSpace, feedback: Feedback, count: i
     return np.array(found)
 
 
-def intersample(
-    plant: Plant,
-    feedback: Feedback,
-    sample_time: float,
-    count: int,
-    *,
-    stiffness: float = 0.0,
-    damping: float = 0.0,
-    lag: float = 0.0,
-    parts: int = 10,
-) -> Array:
+def intersample(fast: control.StateSpace, feedback: Feedback, sample_time: float, count: int) -> Array:
     """x (count parts,) [m per newton] at `parts` points a sample from 0 on, after a unit step of d at the command.
 
-    stiffness: K_e [N/m]; damping [N s/m] and lag [s]: see `sampled_matrices`. The plant is exact at every point: it is
-    sampled `parts` times as fast, under a command of the feedback that changes with sample_time [s].
+    fast: the plant, sampled `parts` times as fast as the controller, so that it is exact at every point; its command
+    changes with sample_time [s].
     """
-    fast = sampled(plant, sample_time / parts, stiffness, damping=damping, lag=lag)
+    parts = round(sample_time / fast.dt)
     law = controller_model(feedback, sample_time)
     state, memory, command = np.zeros(fast.nstates), np.zeros(law.nstates), 0.0
     path = np.empty(count * parts)

@@ -13,7 +13,7 @@ input, as K_e does in eq. (2).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
@@ -204,15 +204,18 @@ def sampled(
     damping: float = 0.0,
     lag: float = 0.0,
     whole_delay: bool = True,
+    by_friction: tuple[Mode, ...] = (),
 ) -> control.StateSpace:
     """Exact model of the plant behind a zero-order hold, at the samples [s], for any dead time: StateSpace with dt.
 
     The thrust changes in the midst of a sample when L is not a multiple of sample_time; the inputs under way are states
     behind those of `state_space`: (..., u[k-1], u[k-2], ...). `whole_delay=False` leaves out the d whole samples of
-    delay (L = d T_s + rest) and keeps the rest. damping, lag: see `sampled_matrices`.
+    delay (L = d T_s + rest) and keeps the rest. damping, lag, by_friction: see `sampled_matrices`.
     """
-    matrices_ = sampled_matrices(plant, sample_time, stiffness, damping=damping, lag=lag, whole_delay=whole_delay)
-    return _space(*matrices_, sample_time)
+    found = sampled_matrices(
+        plant, sample_time, stiffness, damping=damping, lag=lag, whole_delay=whole_delay, by_friction=by_friction
+    )
+    return _space(*found, sample_time)
 
 
 def sampled_matrices(
@@ -223,15 +226,16 @@ def sampled_matrices(
     damping: float = 0.0,
     lag: float = 0.0,
     whole_delay: bool = True,
+    by_friction: tuple[Mode, ...] = (),
 ) -> tuple[Array, Array, Array]:
     """A (n, n), B (n, 1), C (1, n) of `sampled`, for who needs no control.StateSpace; arguments as there; SI.
 
     damping: of the spring K_e, by the speed at the scale [N s/m]. lag: of first order, with which the thrust follows
-    its command behind the dead time [s]; the thrust is then the last state of the plant's own.
+    its command behind the dead time [s]; the thrust is then the last state of the plant's own. by_friction: modes that
+    the spring drives and the thrust does not, as it is on another part of the structure.
     """
     whole, rest = delay_split(plant.dead_time, sample_time)
-    a_plant, b_plant, c_plant = matrices(plant)
-    a_plant = against_spring(a_plant, b_plant, c_plant, stiffness, damping)
+    a_plant, b_plant, c_plant = against_spring(plant, stiffness, damping, by_friction)
     if lag > 0:
         a_plant, b_plant, c_plant = _behind_lag(a_plant, b_plant, c_plant, lag)
     n, memory = len(a_plant), (whole if whole_delay else 0) + (rest > 0)
@@ -261,11 +265,17 @@ def _behind_lag(a: Array, b: Array, c: Array, lag: float) -> tuple[Array, Array,
     return both, np.vstack([np.zeros((n, 1)), [[1 / lag]]]), np.hstack([c, np.zeros((1, 1))])
 
 
-def against_spring(a: Array, b: Array, c: Array, stiffness: float, damping: float = 0.0) -> Array:
-    """A (n, n) of a plant whose thrust also bears stiffness x + damping x', of A (n, n), B (n, 1), C (1, n); stiffness
-    [N/m], damping [N s/m]; C B = 0, as the thrust moves nothing at once."""
+def against_spring(
+    plant: Plant, stiffness: float, damping: float = 0.0, by_friction: tuple[Mode, ...] = ()
+) -> tuple[Array, Array, Array]:
+    """A (n, n), B (n, 1), C (1, n) of a plant against a spring at its scale, which bears stiffness x + damping x' where
+    the thrust acts, and drives modes of its own; stiffness [N/m], damping [N s/m]; C B = 0, as a force moves nothing at
+    once."""
+    a, b, c = matrices(replace(plant, modes=(*plant.modes, *by_friction)))
     held = a - stiffness * b @ c
-    return held - damping * b @ c @ a if damping else held
+    thrust = b.copy()
+    thrust[2 * len(plant.modes) :] = 0.0
+    return (held - damping * b @ c @ a if damping else held), thrust, c
 
 
 def _space(a: Array, b: Array, c: Array, sample_time: float | None) -> control.StateSpace:

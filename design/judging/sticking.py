@@ -3,7 +3,8 @@
 Elements of the friction that stick are a spring from the position at the scale to the thrust's input. On a plant whose
 modes all have positive gains such a spring stores what it takes. With a mode of negative gain the scale moves against
 the thrust's input, and the spring's force does more work there than it takes at the scale: the swing grows of itself.
-No real friction does that, as it acts where it is deflected.
+No real friction does that, as it acts where it is deflected. Where the machine file has a friction-driven mode, which
+is what it drives there, that is counted; a friction that goes with the acceleration, too, is left to simulations.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from design.loop import dominant_pole
 from models.controller import Feedback
 from models.friction import Friction
 from models.machine import Machine
-from models.plant import Mode, Plant, against_spring, matrices
+from models.plant import Mode, Plant, against_spring
 from models.quantity import listed, show
 
 MAX_SPRINGS: Final = 12  # springs that are looked at, of a friction with more elements
@@ -55,7 +56,8 @@ class Sticking:
 
 
 def sticking(machine: Machine, feedback: Feedback | None = None) -> Sticking | None:
-    """What makes the loop unstable while the friction sticks; None where it is stable, or unstable anyhow.
+    """What makes the loop unstable while the friction sticks; None where it is stable, or unstable anyhow, or where
+    an effect has the friction act elsewhere in another way than by modes.
 
     feedback: by default the one in place. Of the plant, the friction and what the effects add that is linear.
 
@@ -65,10 +67,13 @@ def sticking(machine: Machine, feedback: Feedback | None = None) -> Sticking | N
     """
     law, ts, known = feedback or machine.control.feedback, machine.sample_time, linear(machine)
     every, plant = springs(machine.friction), known.plant
+    if any(effect.differentiates for effect in machine.effects):
+        return None
 
     def pole_of(plant: Plant, spring: Spring) -> complex:
         stiffness, damping = spring
-        return dominant_pole(plant, law, ts, stiffness + known.spring, damping + known.drag, known.lag)
+        held = (stiffness + known.spring, damping + known.drag)
+        return dominant_pole(plant, law, ts, *held, known.lag, known.by_friction)
 
     def grows(plant: Plant, spring: Spring) -> bool:
         return abs(pole_of(plant, spring)) > 1 + UNSTABLE
@@ -80,11 +85,11 @@ def sticking(machine: Machine, feedback: Feedback | None = None) -> Sticking | N
     if not 1 + UNSTABLE < abs(poles[worst]) < math.inf:
         return None
     spring, pole = every[worst], poles[worst]
-    alone = _makes_work(plant, spring, ts)
+    alone = _makes_work(plant, spring, ts, known.by_friction)
     modes = _without(plant, lambda rest: not (grows(rest, (0.0, 0.0)) or grows(rest, spring)))
     heals = bool(modes)
     if alone and not modes:
-        modes = _without(plant, lambda rest: not _makes_work(rest, spring, ts))
+        modes = _without(plant, lambda rest: not _makes_work(rest, spring, ts, known.by_friction))
     frequency = abs(np.angle(pole)) / (2 * math.pi * ts)
     return Sticking(*spring, abs(pole), ts, float(frequency), modes, alone, heals)
 
@@ -98,10 +103,10 @@ def springs(friction: Friction) -> list[Spring]:
     return [(float(stiffness), float(damping)) for stiffness, damping in summed[few] if stiffness > 0]
 
 
-def _makes_work(plant: Plant, spring: Spring, sample_time: float) -> bool:
+def _makes_work(plant: Plant, spring: Spring, sample_time: float, by_friction: tuple[Mode, ...]) -> bool:
     """Whether the plant against a spring, with no feedback, swings ever wider; sample_time [s]."""
-    a, b, c = matrices(plant)
-    fastest = float(np.max(np.linalg.eigvals(against_spring(a, b, c, *spring)).real))
+    held, _, _ = against_spring(plant, *spring, by_friction)
+    fastest = float(np.max(np.linalg.eigvals(held).real))
     return fastest * sample_time > UNSTABLE
 
 

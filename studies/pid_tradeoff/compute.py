@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from design.controller import default_controller
 from design.deployment.drive_file import controller_to_json
 from design.effect_compensation import left_out, with_effects
-from design.family import Member, family, linear, slopes, usual_errors
+from design.family import Member, family, slopes, usual_errors
+from design.family import with_effects as plant_with_effects
 from design.judging.known_range import excess_of, excess_to_json
 from design.limits import bode_area, highest_crossover, least_sensitivity
 from design.loop import DIAGRAM, assess, controller_response, frequency_response, grid, intersample, sensitivities
@@ -421,11 +422,11 @@ def _reversal(
 def _between(machine: Machine, pid: PID) -> dict[str, Any]:
     """x after a step of friction at ten points a sample, on P_l and at the steepest slope, and at the samples only."""
     found: dict[str, Any] = {}
-    worst, ts, known = 0.0, machine.sample_time, linear(machine)
+    worst, ts = 0.0, machine.sample_time
     for name, slope in slopes(machine).items():
         count = round(INTERSAMPLE_SETTLING_TIMES * machine.specification.settling_time / ts)
-        beside = {"stiffness": slope + known.spring, "damping": known.drag, "lag": known.lag}
-        path = _force(machine) * intersample(known.plant, pid, ts, count, parts=POINTS_PER_SAMPLE, **beside)
+        fast = plant_with_effects(machine, slope=slope, parts=POINTS_PER_SAMPLE)
+        path = _force(machine) * intersample(fast, pid, ts, count)
         at_samples = path[::POINTS_PER_SAMPLE]
         found["time_s"] = np.arange(path.size) * ts / POINTS_PER_SAMPLE
         found[name] = {"path_m": path, "samples_m": at_samples}

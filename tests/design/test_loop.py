@@ -160,7 +160,7 @@ def test_between_the_samples_the_path_passes_through_the_samples(ki: float) -> N
     """The plant at seven points a sample under the PID, and the closed loop's matrices, which know samples only."""
     machine = load()
     pid = replace(machine.control.pid, ki=ki)
-    path = intersample(machine.plant, pid, TS, 100, stiffness=8e5, parts=7)
+    path = intersample(sampled(machine.plant, TS / 7, 8e5), pid, TS, 100)
     expected = disturbance_response(sampled(machine.plant, TS, 8e5), pid, 99)
     assert path[0] == 0.0
     assert path[7::7] == pytest.approx(expected, rel=1e-9, abs=1e-15)

@@ -12,9 +12,11 @@ import pytest
 from design.family import largest_pole
 from design.judging.sticking import MAX_SPRINGS, advice_on, cause_of, springs, state_of, sticking
 from design.loop import spectral_radius
+from models.effects.friction_laws import NoncollocatedFriction
+from models.effects.structure import FrictionDrivenMode
 from models.friction import Friction
 from models.machine import DEFAULT, Machine, load
-from models.plant import Mode, sampled
+from models.plant import Mode, Plant, against_spring, sampled
 from models.simulation.simulator import simulate
 from tests.design.machines import far_side
 
@@ -113,3 +115,36 @@ def test_it_is_told_with_slope_frequency_cause_and_advice(belt: Machine) -> None
     assert "a copy of the machine file without this mode" in advice_on(found)
     assert "copy" not in advice_on(replace(found, heals=False))
     assert "work" not in cause_of(replace(found, makes_work=False))
+
+
+def test_a_friction_that_drives_a_mode_of_its_own_is_a_spring_where_it_acts() -> None:
+    """A motor of m_1 and a load of m_2 on a spring, scale and friction on the load: the plant against the friction's
+    slope has the frequencies of those masses on two springs. A user's ball screw was said to swing ever wider."""
+    first, second, coupling, held = 400.0, 650.0, 3e7, 2e8
+    frequency = math.sqrt(coupling * (1 / first + 1 / second)) / (2 * math.pi)
+    plant = Plant(
+        dead_time=0.0,
+        thrust_constant=1.0,
+        modes=(Mode(1 / (first + second), 0.0, 0.0), Mode(-1 / (first + second), frequency, 0.0)),
+    )
+    masses, springs_ = np.diag([first, second]), np.array([[coupling, -coupling], [-coupling, coupling + held]])
+    exact = np.sqrt(np.linalg.eigvals(np.linalg.solve(masses, springs_)).real)
+    a, b, c = against_spring(plant, held, by_friction=(Mode(1 / second, frequency, 0.0),))
+    found = np.linalg.eigvals(a)
+    assert np.max(np.abs(found.real)) < 1e-6 * np.max(exact)
+    for one in exact:
+        assert np.min(np.abs(found - 1j * one)) < 1e-6 * one
+    s = 2j * math.pi * 17.0
+    forced = np.linalg.solve(masses * s**2 + springs_, [1.0, 0.0])[1]  # of the load, by the motor
+    assert (c @ np.linalg.solve(s * np.eye(6) - a, b))[0, 0] == pytest.approx(forced, rel=1e-9)
+    alone, _, _ = against_spring(plant, held)
+    assert np.max(np.linalg.eigvals(alone).real) > 1.0  # at the motor it would put energy in
+
+
+def test_such_a_mode_takes_the_warning_away(belt: Machine) -> None:
+    _, mode = belt.plant.modes
+    driven = FrictionDrivenMode(2 * abs(mode.gain), mode.frequency, mode.damping)
+    assert sticking(replace(belt, effects=(driven,))) is None
+    assert swing_left(replace(belt, effects=(driven,))) < belt.specification.tolerance
+    away = NoncollocatedFriction(1e-6)
+    assert sticking(replace(belt, effects=(away,))) is None
