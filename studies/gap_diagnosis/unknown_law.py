@@ -13,6 +13,9 @@ from models.quantity import show
 Results = Mapping[str, Any]
 
 CURVE_END_SHARE: Final = 0.5  # of a curve's largest force: where it ends
+MIN_SIZED_CLOSURE: Final = (
+    0.5  # of other motions, from which on the size of a law that is not handed over says anything
+)
 MAX_LOCAL_SHARE: Final = 0.3  # of the way or the time that the records show, up to which a law has a place there
 OVER: Final = {
     "time": "the time",
@@ -66,6 +69,10 @@ def told(learned: Results | None) -> list[str]:
             f"On types of motion that were not used it closes {100 * learned['closure']:.0f} % "
             f"({100 * low:.0f} to {100 * high:.0f} %) of the gap, and improved.toml has it as [effects.measured].",
         ]
+    if learned["closure"] < MIN_SIZED_CLOSURE:
+        law = (
+            f"A force over {OVER[learned['coordinate']]}, {TURNING[learned['symmetry']]}, was learned from the records"
+        )
     return [f"{law}; but {learned['reason']}, so that improved.toml does not have it."]
 
 

@@ -19,7 +19,7 @@ MAX_FLOOR_RATIO: Final = 1.5
 
 def is_no_floor(far: Results) -> bool:
     """Whether records that the model made itself scatter by far more than the machine as delivered leaves of the axis's
-    own: in simulation it swings or hunts as the axis does not, and that scatter is no noise floor."""
+    own: in simulation it swings or hunts by that much, and that scatter is no noise floor."""
     floor, left = far["floor"], far["gap_as_delivered"]
     more = (floor[key] > MAX_FLOOR_RATIO * left[key] for key in ("force_N", "position_m"))
     return far["floor_source"] != "repeats" and any(more)
@@ -35,7 +35,7 @@ def no_floor_told(far: Results) -> list[str]:
     )
     return [
         f"Records that the model made itself scatter by {scatter}, where the machine as delivered leaves {left} of "
-        "those given: in simulation it swings or hunts as the axis does not, so that this is no noise floor, and "
+        "those given: in simulation it swings or hunts in another way each time, so that this is no noise floor, and "
         "closures beside it tell little."
     ]
 

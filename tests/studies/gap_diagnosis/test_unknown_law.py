@@ -77,6 +77,10 @@ def test_a_refused_law_is_told_with_the_reason() -> None:
     assert told.endswith(
         "up to 3 N; but on types of motion that were not used it closes 40 %, so that improved.toml does not have it."
     )
+    (unsized,) = unknown_law.told({**refused, "closure": 0.19})  # a user's was of 1540 N, where 3.6 N were left
+    assert unsized.startswith(
+        "A force over the position, the same in both directions, was learned from the records; but on types of motion"
+    )
 
 
 @pytest.mark.parametrize(
