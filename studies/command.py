@@ -27,6 +27,7 @@ DONE: Final = 0
 CHECK_MISSED: Final = 1
 BAD_INPUT: Final = 2
 FAULT: Final = 3
+NOT_READ: Final = 141  # as after SIGPIPE
 
 
 def main(study: Study, arguments: Sequence[str] | None = None) -> int:
@@ -43,6 +44,9 @@ def guarded(work: Callable[[], int]) -> int:
     except BadInputError as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # whoever read the output has had enough, as `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python flushes it on its way out
+        return NOT_READ
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -62,7 +66,7 @@ def parser_of(study: Study) -> argparse.ArgumentParser:
         usage=f"python -m studies.{study.name} [options]",
         description=study.question,
         epilog="Exit status: 0 done; 1 done, but a check of the study does not hold; 2 bad input; 3 a fault of this "
-        "tool; 130 interrupted (143 by SIGTERM).",
+        "tool; 130 interrupted (143 by SIGTERM); 141 nobody reads the output.",
     )
     add_options(parser, study.options, study.name)
     return parser

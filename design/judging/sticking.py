@@ -157,12 +157,13 @@ def advice_on(found: Sticking) -> str:
         return "a PID that is stable at every slope is what pid_tradeoff looks for"
     judge = (
         "real friction acts where it is deflected, at the motor or at the carriage, so that the settling predicted "
-        "here need not be the axis's: judge by a record"
+        "here need not be the axis's: judge by records, by which gap_diagnosis tells whether the friction drives such "
+        "a mode (friction_driven_mode); its improved.toml then knows where it acts"
     )
     if not found.heals:
         return judge
     left = "these modes" if len(found.modes) > 1 else "this mode"
     return (
-        f"{judge}, or by a copy of the machine file without {left}, which knows the friction but not that vibration: "
-        "no PID is to be tuned for it"
+        f"{judge}. A copy of the machine file without {left} is stable, but knows nothing of that vibration: what it "
+        "predicts need not be the axis's either, and no PID is to be tuned for it"
     )

@@ -420,11 +420,14 @@ def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
 
 
 def _is_impossible(fitted: Fit, name: str) -> bool:
-    """Whether an effect of this class is larger than one can be, as a ripple of more than the whole thrust."""
+    """Whether an effect of this class is larger than one can be, as a ripple of more than the whole thrust, or has a
+    sign that none has, so that a file would hold it as none at all."""
     for effect in fitted.candidate.added_effects:
         for field in fields(effect) if effect.name == name else ():
-            declared = declaration(field, effect)
-            if declared and declared.below is not None and getattr(effect, field.name) > declared.below:
+            declared, number = declaration(field, effect), getattr(effect, field.name)
+            if declared and declared.below is not None and number > declared.below:
+                return True
+            if declared and declared.at_least is not None and number < declared.at_least:
                 return True
     return False
 

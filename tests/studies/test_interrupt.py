@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from studies.catalogue import every
-from studies.command import DONE, guarded
+from studies.command import DONE, NOT_READ, guarded
 from studies.interrupt import INTERRUPTED
 
 ROOT = Path(__file__).parents[2]
@@ -213,3 +213,18 @@ def test_in_one_process_an_interruption_is_a_line_and_a_status_too(capsys: pytes
 
     assert guarded(work) == INTERRUPTED
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_reader_that_has_had_enough_is_no_fault() -> None:
+    """`--write-references FOLDER | head` had ended in a traceback."""
+    code = (
+        "import sys; from studies.command import guarded; sys.exit(guarded(lambda: print(*range(99999), sep=chr(10))))"
+    )
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait(timeout=60) == NOT_READ

@@ -22,7 +22,7 @@ from models.effects.base import Effect
 from models.effects.catalogue import every, in_order
 from models.effects.friction_laws import DirectionalFriction, DwellBreakaway, FrictionDrift
 from models.effects.motor import Cogging, ThrustRipple
-from models.effects.structure import AdditionalMode
+from models.effects.structure import AdditionalMode, FrictionDrivenMode
 from tests.diagnosis.tables import table
 
 MACHINE, CRITERIA = table(), Criteria()
@@ -321,6 +321,15 @@ def test_an_effect_larger_than_any_can_be_mends_the_form_of_another(part: float,
     trial = Trial(Proposal("thrust_ripple", 1.0, 1.0), _fit(0.0, [ThrustRipple(part, 0.03, 1.0)], []))
     search = Planned({}, {}, {}, {})
     assert inadmissible([trial], [Stage(_fit(START))], search) == (set() if possible else {"thrust_ripple"})
+
+
+@pytest.mark.parametrize(("gain", "possible"), [(2.5e-3, True), (-2.6e-4, False)])
+def test_an_effect_of_a_sign_that_none_has_is_the_form_of_another(gain: float, possible: bool) -> None:
+    """A page told a second friction-driven mode of negative gain, which its file held as none."""
+    members = [FrictionDrivenMode(2.5e-3, 62.0, 0.02), FrictionDrivenMode(gain, 180.0, 0.02)]
+    trial = Trial(Proposal(FrictionDrivenMode.name, 1.0, 1.0), _fit(0.0, members))
+    found = inadmissible([trial], [Stage(_fit(START)), Stage(_fit(0.8 * START, members[:1]))], Planned({}, {}, {}, {}))
+    assert found == (set() if possible else {FrictionDrivenMode.name})
 
 
 @pytest.mark.parametrize(
