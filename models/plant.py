@@ -271,7 +271,8 @@ def against_spring(
     """A (n, n), B (n, 1), C (1, n) of a plant against a spring at its scale, which bears stiffness x + damping x' where
     the thrust acts, and drives modes of its own; stiffness [N/m], damping [N s/m]; C B = 0, as a force moves nothing at
     once."""
-    a, b, c = matrices(replace(plant, modes=(*plant.modes, *by_friction)))
+    driven = by_friction if stiffness or damping else ()  # else nothing drives them
+    a, b, c = matrices(replace(plant, modes=(*plant.modes, *driven)))
     held = a - stiffness * b @ c
     thrust = b.copy()
     thrust[2 * len(plant.modes) :] = 0.0

@@ -75,6 +75,11 @@ def mistake(record: Record, feedback: Feedback | None, reference_delay: int) -> 
     return Mistake.EITHER if wrong else None
 
 
+def is_made_by(record: Record, feedback: Feedback, reference_delay: int) -> bool:
+    """Whether this feedback makes a record's commands, its delay in samples, so that their sign is known [-]."""
+    return _left(record, feedback, reference_delay) < MADE
+
+
 def _swapped(record: Record) -> Record:
     return replace(record, reference=record.position, position=record.reference)
 

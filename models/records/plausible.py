@@ -24,7 +24,7 @@ from models.records.checks import (
     replay,
     smoothed,
 )
-from models.records.feedback_sign import Mistake, mistake
+from models.records.feedback_sign import Mistake, is_made_by, mistake
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -179,12 +179,16 @@ def _against_feedback(record: Record, facts: Facts) -> Iterator[str]:
 
 
 def _against_motion(record: Record, facts: Facts) -> Iterator[str]:
-    """A command that takes energy out of the axis, whoever made it: along a path that ends where it began all that
-    springs and gravity take comes back, and friction takes more. Where a resonance lies between motor and scale they
-    may well move against each other, and a controller pushes against what a scale's noise looks like, so that the
-    slowest part of the motion counts, beside what the stated friction takes."""
+    """A command that takes energy out of the axis, where the stated controller does not show its sign.
+
+    Along a path that ends where it began all that springs and gravity take comes back, and friction takes more. Where a
+    resonance lies between motor and scale they may well move against each other, and a controller pushes against what
+    a scale's noise looks like, so that the slowest part of the motion counts, beside what the stated friction takes.
+    """
     closed = abs(record.position[-1] - record.position[0]) <= CLOSED * np.ptp(record.position)
     if not closed or not facts.friction or facts.friction < SLIGHT * (facts.limit or 0.0):
+        return
+    if facts.pid is not None and is_made_by(record, facts.pid, facts.reference_delay):
         return
     widest = record.position.size // FEWEST_WINDOWS
     parts = [_put_in(record, samples, facts) for samples in (widest // 2, widest) if samples >= SMOOTHED]

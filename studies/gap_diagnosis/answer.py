@@ -31,6 +31,7 @@ from studies.wording import effect, effects_listed, fitted
 Results = Mapping[str, Any]
 
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
+MIN_SHARE_AT_RATING: Final = 0.05  # of a record's samples, from which on it is told first that its drive is at its end
 ROUNDING_SHARE: Final = 0.01  # of what a replay leaves: below it a change leaves rounding alone
 
 
@@ -38,7 +39,7 @@ def sentences(results: Results) -> dict[str, str]:
     """Where, which and how far, each in a sentence or more, and the outcome in a few words."""
     return {
         "outcome": _outcome(results),
-        "where": _where(results["where"]),
+        "where": " ".join([_where(results["where"]), *_at_its_rating(results)]),
         "which": " ".join(_which(results)),
         "how_far": " ".join(how_far.sentences(results)),
     }
@@ -51,7 +52,7 @@ def front(results: Results) -> dict[str, str | list[str]]:
     leads = 2 if resembles(results["verdict"]) or unknown_law.is_the_answer(results) else 1
     leads += len(moved_most.sentence(results))
     return {
-        "where": _where(results["where"]),
+        "where": " ".join([_where(results["where"]), *_at_its_rating(results)]),
         "which": " ".join(which[:leads]),
         "how_far": " ".join(how_far.in_short(results)),
         "remarks": [*which[leads:], *remarks],
@@ -119,6 +120,19 @@ def _where(where: Results) -> str:
 
     rest = [text for about, text in stated if about not in {Topic.CONTROLLER, Topic.UNCHECKED, Topic.SIZE}]
     return " ".join([*on(Topic.CONTROLLER)[:1], *on(Topic.SIZE), *(on(Topic.COORDINATE) or rest)[:1]])
+
+
+def _at_its_rating(results: Results) -> list[str]:
+    """That the drive gave all that it can for much of a record, where it did: the axis may swing as no model of it
+    does."""
+    often = [one for one in results["records"] if one.get("at_rating", 0.0) >= MIN_SHARE_AT_RATING]
+    if not often:
+        return []
+    shares = listed([f"{100 * one['at_rating']:.0f} % of {one['name']}" for one in often])
+    return [
+        f"The command stands at the rated thrust in {shares}: the axis swings, or more is asked of it than it can do; "
+        "see to that first."
+    ]
 
 
 def _which(results: Results) -> list[str]:

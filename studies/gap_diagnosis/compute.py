@@ -38,6 +38,7 @@ from models.effects.base import parameters
 from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
+from models.records.checks import AT_LIMIT
 from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
@@ -196,7 +197,8 @@ def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> G
     made = own_records.made(machine, options.seed, quick=options.quick)
     names = ("simulated suite",) if len(made.records) == 1 else ("simulated sequence", "simulated suite")
     shown = tuple(
-        _shown(name, f"none, seed {options.seed}", record, ()) for name, record in zip(names, made.records, strict=True)
+        _shown(name, f"none, seed {options.seed}", record, machine)
+        for name, record in zip(names, made.records, strict=True)
     )
     size = {
         item.name: {"value": getattr(made.effect, item.name), "unit": item.unit, "role": item.role}
@@ -208,16 +210,17 @@ def _given(machine: Machine, options: DiagnosisOptions, progress: Progress) -> G
 def given_of(machine: Machine, found: Sequence[Loaded]) -> Given:
     """What is diagnosed where records were read from files."""
     records = tuple(one.content for one in found if isinstance(one.content, Record))
-    shown = tuple(_shown(one.name, one.sha256, one.content, one.findings) for one in found)
+    shown = tuple(_shown(one.name, one.sha256, one.content, machine, one.findings) for one in found)
     return Given(machine, records, shown, None)
 
 
-def _shown(name: str, sha256: str, record: Any, findings: Sequence[str]) -> dict[str, Any]:
+def _shown(name: str, sha256: str, record: Any, machine: Machine, findings: Sequence[str] = ()) -> dict[str, Any]:
     return {
         "name": Path(name).name,
         "sha256": sha256,
         "samples": record.position.size,
         "sample_time_s": record.sample_time,
+        "at_rating": float(np.mean(np.abs(record.command) >= AT_LIMIT * machine.drive.rated_thrust)),
         "findings": list(findings),
     }
 

@@ -47,7 +47,7 @@ def test_a_design_says_why_its_motions_never_settle(belt: Path, capsys: pytest.C
     for text in (told, page):
         assert "unstable: against a slope of 2160 N/mm it swings at 33 Hz" in text
         assert "the mode of negative gain at 38 Hz" in text
-        assert "judge by a record" in text
+        assert "judge by records" in text
     assert results_of(folder)["sticking"]["modes_Hz"] == [38.0]
 
 

@@ -177,6 +177,17 @@ def test_a_departing_controller_comes_before_a_lack_of_names(results: dict[str, 
     assert "Correct the log or the controller first" in told["which"]
 
 
+def test_a_drive_at_its_end_is_told_first(results: dict[str, Any]) -> None:
+    """A user's axis swung at 48 Hz, its command at the rating in 24 % of the samples, and no page said so."""
+    assert all(one["at_rating"] == 0 for one in results["records"])
+    assert "rated thrust in" not in sentences(results)["where"]
+    records = [{**one, "at_rating": 0.238} for one in results["records"]]
+    swinging = {**results, "records": records}
+    said = f"The command stands at the rated thrust in 24 % of {records[0]['name']}"
+    assert said in sentences(swinging)["where"]
+    assert said in front(swinging)["where"]
+
+
 def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]) -> None:
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": []}
     far = {**results["how_far"], "stages": results["how_far"]["stages"][:2]}
