@@ -13,9 +13,7 @@ from models.quantity import show
 Results = Mapping[str, Any]
 
 CURVE_END_SHARE: Final = 0.5  # of a curve's largest force: where it ends
-MIN_SIZED_CLOSURE: Final = (
-    0.5  # of other motions, from which on the size of a law that is not handed over says anything
-)
+MIN_SIZED_CLOSURE: Final = 0.5  # on other motions, below which a law that is not handed over is told without a size
 MAX_LOCAL_SHARE: Final = 0.3  # of the way or the time that the records show, up to which a law has a place there
 OVER: Final = {
     "time": "the time",
