@@ -44,6 +44,7 @@ from studies.as_known import row as known_row
 from studies.beforehand import require_designable
 from studies.compensator import Counted, with_elements
 from studies.deadbeat_design.effects import Knowing, Written, compensate, knowing
+from studies.deadbeat_design.in_place import LATER_RATIO, beside_in_place, in_place_row
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
 from studies.deadbeat_design.outcomes import beside_the_paper, checks_of, reproduction, validation_results
@@ -65,7 +66,6 @@ Array = NDArray[np.float64]
 WATCHED: Final = 10
 VIBRATION_PERIODS: Final = 2.0  # of the slowest mode, over which the residual vibration is evaluated after settling,
 VIBRATION_TIMES: Final = 401  # at so many times.
-LATER_RATIO: Final = 1.1  # times the settling of a long move without compensation, from which on that is told
 BISECTIONS: Final = 25  # linear programs that two searches for the shortest settling time solve, about
 STARTS: Final = 30  # states of the friction from which the controller is started,
 FEW_STARTS: Final = 4  # in a quick run, with effects, and where the motions take long:
@@ -118,6 +118,7 @@ def compute(machine: Machine, options: DeadbeatOptions, progress: Progress) -> A
     }
     progress(0.75, "repeating the motions with a dither and from other pasts of the friction")
     results["settling"] = _settling(machine, controller, without, judged, options)
+    results["in_place"] = beside_in_place(machine, judged, plain.stroke, options.seed)
     checks = checks_of(machine, wanted, deadbeat, proof, judged, results["settling"]["with"])
     progress(0.8, "on machines that the file allows")
     results["as_known"] = on_allowed_machines(machine, controller, judged, options, wanted["stroke_m"])
@@ -155,6 +156,7 @@ def _summary(
         *sticking_rows(results),
         *limit_rows(machine),
         summary_row(results["as_known"]),
+        in_place_row(results["in_place"]),
         *told_remedies(results),
         *((f"WARNING, {one['design']}", beyond_records(one)) for one in results["beyond"]),
         *(_told(one, machine) for one in results["long_moves"]["rows"]),
@@ -250,13 +252,13 @@ def _starts(
 
 
 def _foresee(machine: Machine, wanted: Mapping[str, Any], options: DeadbeatOptions, progress: Progress) -> None:
-    """The time of two validations that never become periodic, and of the linear programs of the trade-off."""
+    """The time of three validations that never become periodic, and of the linear programs of the trade-off."""
     samples, count = period(machine), 2 * len(_counts(machine, wanted, quick=options.quick)) + BISECTIONS
     begin = time.process_time()
     least_peak_thrust(machine.plant, machine.sample_time, _whole(machine, wanted), machine.specification.stroke)
     program = time.process_time() - begin
     seconds = {
-        "the validation": 2 * (PERIODS + sum(LONGER_PERIODS)) * samples * seconds_a_sample(machine),
+        "the validation": 3 * (PERIODS + sum(LONGER_PERIODS)) * samples * seconds_a_sample(machine),
         "the trade-off": 2 * count * program,
     }
     foresee(seconds, max(LONGER_PERIODS) * samples * SIMULATED, options, progress)
