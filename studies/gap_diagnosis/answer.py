@@ -39,7 +39,7 @@ def sentences(results: Results) -> dict[str, str]:
     """Where, which and how far, each in a sentence or more, and the outcome in a few words."""
     return {
         "outcome": _outcome(results),
-        "where": " ".join([_where(results["where"]), *_at_its_rating(results)]),
+        "where": " ".join([_where(results["where"]), *_beyond_a_model(results)]),
         "which": " ".join(_which(results)),
         "how_far": " ".join(how_far.sentences(results)),
     }
@@ -52,7 +52,7 @@ def front(results: Results) -> dict[str, str | list[str]]:
     leads = 2 if resembles(results["verdict"]) or unknown_law.is_the_answer(results) else 1
     leads += len(moved_most.sentence(results))
     return {
-        "where": " ".join([_where(results["where"]), *_at_its_rating(results)]),
+        "where": " ".join([_where(results["where"]), *_beyond_a_model(results)]),
         "which": " ".join(which[:leads]),
         "how_far": " ".join(how_far.in_short(results)),
         "remarks": [*which[leads:], *remarks],
@@ -122,16 +122,18 @@ def _where(where: Results) -> str:
     return " ".join([*on(Topic.CONTROLLER)[:1], *on(Topic.SIZE), *(on(Topic.COORDINATE) or rest)[:1]])
 
 
-def _at_its_rating(results: Results) -> list[str]:
-    """That the drive gave all that it can for much of a record, where it did: the axis may swing as no model of it
-    does."""
+def _beyond_a_model(results: Results) -> list[str]:
+    """That the axis swings at rest, or that the drive gave all that it can for much of a record, where it did: no model
+    of a stable loop does the like."""
+    swinging = [f"The axis of {one['name']} {one['swings']}." for one in results["records"] if one.get("swings")]
     often = [one for one in results["records"] if one.get("at_rating", 0.0) >= MIN_SHARE_AT_RATING]
     if not often:
-        return []
+        return swinging
     shares = listed([f"{100 * one['at_rating']:.0f} % of {one['name']}" for one in often])
     return [
+        *swinging,
         f"The command stands at the rated thrust in {shares}: the axis swings, or more is asked of it than it can do; "
-        "see to that first."
+        "see to that first.",
     ]
 
 

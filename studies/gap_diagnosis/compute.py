@@ -29,6 +29,7 @@ from diagnosis.improved import improved_machine, unchanged, without_effects
 from diagnosis.model.parameters import moved, priors
 from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
+from diagnosis.records.at_rest import swing_at_rest
 from diagnosis.records.motions import PIECE_LOOP_TIMES, Piece
 from diagnosis.records.units import loop_time
 from diagnosis.refit import whiteness
@@ -221,6 +222,7 @@ def _shown(name: str, sha256: str, record: Any, machine: Machine, findings: Sequ
         "samples": record.position.size,
         "sample_time_s": record.sample_time,
         "at_rating": float(np.mean(np.abs(record.command) >= AT_LIMIT * machine.drive.rated_thrust)),
+        "swings": str(swing_at_rest(record, machine) or ""),
         "findings": list(findings),
     }
 

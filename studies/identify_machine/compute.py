@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from design.judging.known_range import with_covered
+from diagnosis.records.at_rest import swing_at_rest
 from models.friction import branch
 from models.identification import motion
 from models.identification.force.fit import SIGNIFICANT_STDS
@@ -44,6 +45,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
         _foresee(machine, options, progress)
     given = _loaded(machine, options, progress) if options.record else _own(machine, options.seed)
     kinds, records = zip(*given, strict=True)
+    swinging = _swinging(machine, given)
     try:
         found = identify(
             machine,
@@ -55,10 +57,12 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             tell=lambda share, text: progress(0.05 + 0.4 * share, text),
         )
     except RecordError as error:
-        raise BadInputError(str(error)) from error
+        first = "".join(f"{name}: {said}. Besides, " for name, said in swinging[:1])
+        raise BadInputError(f"{first}{error}") from error
     shown = results_of(found)
     sizes = size_of_force.doubts(machine, found.machine, given) if options.record else []
     others, checks = controllers.judged(machine, given if options.record else ())
+    others = [*swinging, *others]
     checks = [*checks_of(found, shown), *checks]
     results: dict[str, Any] = {
         "quick": options.quick,
@@ -114,6 +118,17 @@ def _with_range(machine: Machine, given: Sequence[tuple[str, Loaded]], options: 
     motions = [one.content for _, one in given if isinstance(one.content, Record)]
     names = ", ".join(Path(one.name).name for _, one in given)
     return with_covered(machine, motions, f"identify_machine of {names}") if options.record else machine
+
+
+def _swinging(machine: Machine, given: Sequence[tuple[str, Loaded]]) -> list[tuple[str, str]]:
+    """The motion records whose axis swings at rest, by name, and how; others may be excited by what no column holds."""
+    motions = [
+        (Path(one.name).name, one.content)
+        for kind, one in given
+        if kind == "motion" and isinstance(one.content, Record)
+    ]
+    found = [(name, swing_at_rest(content, machine)) for name, content in motions]
+    return [(name, f"the axis {swing}") for name, swing in found if swing is not None]
 
 
 def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:

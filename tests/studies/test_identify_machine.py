@@ -312,6 +312,19 @@ def test_a_motion_record_alone_changes_the_nominal_machine(tmp_path: Path) -> No
     assert found.sources["drive.offset"].std is not None
 
 
+def test_a_record_that_swings_at_rest_is_told_whether_it_can_be_used_or_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A user's limit cycle left its record out as one whose fit had not settled, with the advice to check signs."""
+    nominal = load()
+    record = own_records.motions(nominal, 5, nominal)
+    swing = 3e-6 * np.sin(2 * np.pi * 180 * nominal.sample_time * np.arange(record.position.size))
+    path = write(tmp_path / "moves.csv", replace(record, position=record.position + swing))
+    main(STUDY, [str(path), "--no-report", "--output", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    assert "the axis swings at 180 Hz while its reference stands still, by 3 µm" in said.out + said.err
+
+
 def test_without_records_it_judges_itself(quick_run: Callable[[str], tuple[Path, int]]) -> None:
     trip = read(quick_run("identify_machine")[0], "results.json")["results"]["round_trip"]
     assert trip["tables"] == 3

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from diagnosis.records.at_rest import Swing
 from models.effects.motor import Cogging, ThrustSaturation
 from reports import text
 from studies.gap_diagnosis import report
@@ -186,6 +187,17 @@ def test_a_drive_at_its_end_is_told_first(results: dict[str, Any]) -> None:
     said = f"The command stands at the rated thrust in 24 % of {records[0]['name']}"
     assert said in sentences(swinging)["where"]
     assert said in front(swinging)["where"]
+
+
+def test_an_axis_that_swings_at_rest_is_told_first(results: dict[str, Any]) -> None:
+    """A user's limit cycle of 3 um at 70 Hz, which no page named, beside a name for what it left."""
+    assert all(one["swings"] == "" for one in results["records"])
+    records = [{**one, "swings": str(Swing(69.83, 3.07e-6, 30, 31))} for one in results["records"]]
+    said = (
+        f"The axis of {records[0]['name']} swings at 69.8 Hz while its reference stands still, by 3.1 µm to each side"
+    )
+    for told in (sentences({**results, "records": records}), front({**results, "records": records})):
+        assert said in told["where"]
 
 
 def test_where_no_effect_was_tried_no_closure_is_claimed(results: dict[str, Any]) -> None:
