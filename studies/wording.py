@@ -20,6 +20,7 @@ MAX_DIGITS: Final = 12
 PLAIN: Final = 6
 """Powers of ten below this one are written out: 220 for 2.2e+02."""
 PROPER: Final = {"stribeck": "Stribeck", "dac": "DAC", "aic": "AIC"}
+SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
 def filters() -> dict[str, Callable[..., Any]]:
@@ -157,6 +158,11 @@ def all_settle(slowest: float | None, digits: int = 4) -> str:
     if slowest is None or math.isinf(slowest):
         return "some motions never settle"
     return f"every motion settles in {quantity(slowest, 's', digits)}"
+
+
+def in_percent(ratio: float) -> str:
+    """A ratio [1] in percent, as long as that is easily read."""
+    return f"{float(f'{100 * ratio:.2g}'):g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
 
 
 def length_or_dash(length: float | None) -> str:

@@ -19,7 +19,7 @@ from diagnosis.model.residual import initial_command
 from diagnosis.model.unknown_force import unknown_less_mean
 from diagnosis.records.units import units
 from diagnosis.where.coordinates import SLOWEST, by_motion, held_out
-from models.effects.measured import SIGNED, UNITS, Measured
+from models.effects.measured import IN_PROPORTION, SIGNED, UNITS, Measured
 from models.effects.priors import Units
 from models.records.record import Record
 from models.simulation.effect_kernel import Path, replay
@@ -37,8 +37,8 @@ FIRST: Final = 0.1  # of the friction, of the contacts' length: where knots over
 SHORTLIST: Final = 4  # curves that are fitted to the innovations
 MAX_COORDINATE: Final = 1e4  # SI: a line over a coordinate goes so far at least, whatever the record shows
 SYMMETRIES: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("plain", "directional"),
-    "position": ("plain", "directional"),
+    "time": ("plain", "directional", *IN_PROPORTION),
+    "position": ("plain", "directional", *IN_PROPORTION),
     "speed": ("plain", "odd", "directional"),
     "acceleration": ("plain", "odd"),
     "command": ("plain", "odd", "directional"),
@@ -53,10 +53,12 @@ NOMINAL: Final = ("acceleration", "command")
 @dataclass(frozen=True)
 class Curve:
     """A curve that is tried: the table without forces, and its hat functions (n, K) [1] at all samples. Of an odd one
-    the first knot, at 0, has no force and no hat function."""
+    the first knot, at 0, has no force and no hat function. factor (n,): what the table's numbers are multiplied by, the
+    direction [1], the speed [m/s] or the thrust reference [N], or 1."""
 
     law: Measured
     hats: Array
+    factor: Array
 
     @property
     def named(self) -> tuple[str, str]:
@@ -68,9 +70,10 @@ class Curve:
         first = (0.0,) * (len(self.law.knots) - self.hats.shape[1])
         return _table(self.law, (*first, *map(float, force)))
 
-    def acting(self, fitted: Fit) -> Array:
-        """What 1 N at each knot is on the table, at all samples of a fit (n, K) [1]."""
-        return self.hats * directions(fitted)[:, None] if self.law.symmetry == "directional" else self.hats
+    @property
+    def acting(self) -> Array:
+        """What one unit at each knot is on the table, at all samples (n, K) [N]."""
+        return self.hats * self.factor[:, None]
 
     def units_of_force(self) -> tuple[Measured, ...]:
         """For each hat function the table that has 1 N at its knot."""
@@ -79,11 +82,14 @@ class Curve:
     def own_part(self, used: NDArray[np.bool_]) -> Array:
         """The matrix (K, K) [1] that leaves of forces at the knots what no nominal value does: without the straight
         line through 0 nearest to them over the samples used (n,), where that is a mass or a thrust constant, and of a
-        law that turns with the direction without its mean, which is the friction's level."""
+        law that turns with the direction, or is in proportion to the thrust, without its mean, which is the friction's
+        level or the thrust constant."""
         knots = np.array(self.law.knots[-self.hats.shape[1] :])
         hats = self.hats[used]
         if self.law.symmetry == "directional":
             return np.asarray(np.eye(knots.size) - np.mean(hats, axis=0))
+        if self.law.symmetry == "thrust":
+            return np.asarray(np.eye(knots.size) - np.average(hats, axis=0, weights=self.factor[used] ** 2))
         if self.law.coordinate not in NOMINAL:
             return np.eye(knots.size)
         line = hats @ knots
@@ -94,7 +100,7 @@ class Curve:
         straight line are none there, too."""
         count = len(self.law.knots)
         whole = np.diff(np.eye(count), 2, axis=0)
-        if self.law.coordinate in REFINED_COORDINATES:
+        if _is_refined(*self.named):
             apart = np.diff(self.law.knots)
             slopes = np.diff(np.eye(count), axis=0) / apart[:, None]
             whole = np.diff(slopes, axis=0) * 0.5 * (apart[1:] + apart[:-1])[:, None]
@@ -117,18 +123,34 @@ def curves_over(coordinate: str, symmetries: Sequence[str], fitted: Fit, records
     slow, turn = slow_and_turn(known)
     sizes = {"rest": {"slow": slow}, "path": {"turn": turn}}.get(coordinate, {})
     values = coordinate_values(coordinate, fitted, records, known)
-    force = unknown_less_mean(fitted, records)[0] if coordinate in REFINED_COORDINATES else np.zeros(values.size)
     for symmetry in symmetries if np.ptp(values[used]) > 0 else ():
-        size = np.abs(values) if symmetry in {"even", "odd"} else values
+        size, factor = (
+            np.abs(values) if symmetry in {"even", "odd"} else values,
+            _factor(symmetry, fitted, records, known),
+        )
         knots = _knots(coordinate, symmetry, size[used], known)
-        if coordinate in REFINED_COORDINATES:
-            turns = directions(fitted) if symmetry == "directional" else np.ones(values.size)
-            knots = _where_it_bends(knots, size[used], (force * turns)[used])
+        if _is_refined(coordinate, symmetry):
+            force = unknown_less_mean(fitted, records)[0]
+            knots = _where_it_bends(knots, size[used], (force * factor)[used])
         if len(knots) > 2:
             hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(len(knots))])
             hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
             law = Measured(coordinate, tuple(knots), (0.0,) * len(knots), symmetry, **sizes)  # type: ignore[arg-type]
-            yield Curve(law, hats)
+            yield Curve(law, hats, factor)
+
+
+def _is_refined(coordinate: str, symmetry: str) -> bool:
+    """Whether knots are closer where the force itself bends."""
+    return coordinate in REFINED_COORDINATES and symmetry not in IN_PROPORTION
+
+
+def _factor(symmetry: str, fitted: Fit, records: Sequence[Record], known: Units) -> Array:
+    """What the numbers of a table are multiplied by at all samples (n,): see `Curve`."""
+    if symmetry == "directional":
+        return directions(fitted)
+    if symmetry in IN_PROPORTION:
+        return coordinate_values("speed" if symmetry == "drag" else "command", fitted, records, known)
+    return np.ones(weights(records).size)
 
 
 def slow_and_turn(known: Units) -> tuple[float, float]:
@@ -221,7 +243,7 @@ def shortlists(
     """
     force, used = unknown_less_mean(fitted, records)
     tried = list(curves(fitted, records))
-    sums = [by_motion(one.acting(fitted) * used[:, None], force, motion) for one in tried]
+    sums = [by_motion(one.acting * used[:, None], force, motion) for one in tried]
 
     def best(out: int | None) -> list[Curve]:
         among = kind != out

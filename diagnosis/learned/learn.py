@@ -30,7 +30,7 @@ from diagnosis.where.energy import bootstrap_counts, interval_ends
 from diagnosis.where.law_curve import LawCurve
 from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
 from models.effects.catalogue import in_order
-from models.effects.measured import UNITS, Measured
+from models.effects.measured import FORCE_UNITS, UNITS, Measured
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class Learned:
                 "symmetry": self.law.symmetry,
                 "knots": list(self.law.knots),
                 "values": list(self.law.force),
-                "values_unit": "N",
+                "values_unit": FORCE_UNITS[self.law.symmetry],
                 "band": np.column_stack([self.low, self.high]).tolist(),
                 "slow_m_per_s": self.law.slow,
                 "turn_m": self.law.turn,
@@ -140,8 +140,7 @@ def learned(begin: Fit, floor: NoiseFloor, baseline: Baseline) -> Learned:
         if force @ force < criteria.min_force_ratio * least**2 * np.count_nonzero(used):
             return _refused("the gap is too small beside the noise floor to judge a law")
         tested = {
-            name: judged_by_force(one, one.curve.acting(begin), force, used, baseline.segment)
-            for name, one in tested.items()
+            name: judged_by_force(one, one.curve.acting, force, used, baseline.segment) for name, one in tested.items()
         }
         moving = np.array([not piece.kind.rests for piece in baseline.pieces])[baseline.segment]
         above = np.where(used & moving, force**2 - least**2, 0.0)  # it acts at rest, too, which is no type of motion

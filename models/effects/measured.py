@@ -34,7 +34,11 @@ UNITS: Final = MappingProxyType(
 )
 """The coordinates and their units: time since the record's start, position, speed, acceleration, thrust reference as it
 acts, time for which the table has rested, path since the last reversal."""
-SYMMETRIES: Final = ("plain", "even", "odd", "directional")
+SYMMETRIES: Final = ("plain", "even", "odd", "directional", "drag", "thrust")
+FORCE_UNITS: Final = MappingProxyType(dict.fromkeys(SYMMETRIES, "N") | {"drag": "N s/m", "thrust": "1"})
+"""The units of a table's numbers: of a drag they are per speed, of a part of the thrust reference without a unit."""
+OF_A_SIGN: Final = ("even", "odd")
+IN_PROPORTION: Final = ("drag", "thrust")  # to speed or thrust: over these themselves a plain law is the same
 SIGNED: Final = ("speed", "acceleration", "command")  # coordinates with a sign that a law may be even or odd in
 MOST_KNOTS: Final = 200  # each takes time in every substep
 MAX_MAGNITUDE: Final = 1e9
@@ -42,7 +46,7 @@ BECAUSE: Final = "beyond, numbers lose their meaning"
 
 # By what the hooks know the coordinates and symmetries, in their order; and where a table's numbers stand in p.
 POSITION, SPEED, ACCELERATION, COMMAND, REST, PATH = range(1, 7)
-EVEN, ODD, DIRECTIONAL = range(1, 4)
+EVEN, ODD, DIRECTIONAL, DRAG, THRUST = range(1, 6)
 HEAD: Final = 6  # coordinate, symmetry, turn, slow, period, number of knots; then knots, forces
 KEPT: Final = 5  # numbers kept beside one for each friction element: started, three of the coordinate, the force
 
@@ -92,6 +96,10 @@ def _acting(  # noqa: PLR0912  # a hook calls nothing, so that it can be transla
             part = min((s - low) / (high - low), 1.0)
             force = p[HEAD + count + i] + part * (p[HEAD + count + i + 1] - p[HEAD + count + i])
     memory[4] = force
+    if symmetry == DRAG:
+        force = force * now[V]
+    if symmetry == THRUST:
+        force = force * now[U]
     return value if symmetry == DIRECTIONAL else value + sign * force
 
 
@@ -110,8 +118,10 @@ class Measured(Effect):
 
     A "plain" law is the force over the coordinate; an "even" or "odd" one that over its size, which turns with its sign
     where odd; a "directional" one is the force of motion forwards, which turns with the friction: it is multiplied by
-    what the contacts hold over what they can hold. period: over which the curve repeats (0: it does not). slow [m/s]:
-    below it the table rests; turn [m]: by so much it has to come back for a reversal.
+    what the contacts hold over what they can hold. A "drag" is a force per speed and a "thrust" a part of the thrust
+    reference as it acts, each over the coordinate: what brakes in a zone, a motor that fades. period: over which the
+    curve repeats (0: it does not). slow [m/s]: below it the table rests; turn [m]: by so much it has to come back for
+    a reversal.
     """
 
     name: ClassVar = "measured"
@@ -135,13 +145,14 @@ class Measured(Effect):
     force: tuple[float, ...] = value(
         "N",
         "force on the table at the knots",
+        unit_by=("symmetry", FORCE_UNITS),
         at_least=-MAX_MAGNITUDE,
         at_most=MAX_MAGNITUDE,
         because=BECAUSE,
         most=MOST_KNOTS,
     )
-    symmetry: Literal["plain", "even", "odd", "directional"] = value(
-        "1", "how the force turns with the coordinate or the direction", default="plain"
+    symmetry: Literal["plain", "even", "odd", "directional", "drag", "thrust"] = value(
+        "1", "how the force turns with the coordinate or the direction, or what it is in proportion to", default="plain"
     )
     period: float = value(
         "1",
@@ -169,7 +180,8 @@ class Measured(Effect):
             raise ValueError("period must be the distance of the last knot from the first; correct one of them")
 
     def _check_symmetry(self) -> None:
-        allowed = SYMMETRIES if self.coordinate in SIGNED else ("plain", "directional")
+        signed = self.coordinate in SIGNED
+        allowed = [one for one in SYMMETRIES if one not in (IN_PROPORTION if signed else OF_A_SIGN)]
         if self.symmetry not in allowed:
             raise ValueError(
                 f"symmetry {self.symmetry!r} does not go with {self.coordinate}; give one of {', '.join(allowed)}"
@@ -200,7 +212,7 @@ class Measured(Effect):
         return replace(self, force=(0.0,) * len(self.force))
 
     def strength(self) -> float:
-        """The largest force of the table [N], without its sign."""
+        """The largest number of the table [N, or as FORCE_UNITS has it], without its sign."""
         return max(abs(force) for force in self.force)
 
     def values(self) -> Array:

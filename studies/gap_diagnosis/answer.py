@@ -17,7 +17,6 @@ from studies.gap_diagnosis.stated_effects import moved_values
 from studies.gap_diagnosis.too_small import too_small
 from studies.gap_diagnosis.values_off import (
     beside_effects,
-    in_percent,
     is_traded,
     mostly,
     name_of,
@@ -26,7 +25,7 @@ from studies.gap_diagnosis.values_off import (
     told_off,
 )
 from studies.gap_diagnosis.weights_told import far_off, roughness
-from studies.wording import effect, effects_listed, fitted
+from studies.wording import effect, effects_listed, fitted, in_percent
 
 Results = Mapping[str, Any]
 

@@ -10,8 +10,7 @@ from typing import Any, Final
 from models.effects.base import parameters
 from models.machine import Machine
 from models.quantity import listed
-from studies.gap_diagnosis.values_off import in_percent
-from studies.wording import effect
+from studies.wording import effect, in_percent
 
 MIN_CHANGE: Final = 0.02  # change of a thrust constant that is worth a sentence [1]
 MAX_SPREAD: Final = 0.15  # of their median, on logarithms, within which values moved by one factor

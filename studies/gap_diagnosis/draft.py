@@ -14,13 +14,13 @@ from typing import Any, Final
 
 from models.effects.catalogue import readable
 from studies.folder import write_at_once
-from studies.gap_diagnosis.unknown_law import OVER, TURNING, has_curve
+from studies.gap_diagnosis.unknown_law import has_curve, in_words
 from studies.options import BadInputError
 
 Results = Mapping[str, Any]
 
 A_LINE: Final = 5  # numbers in a line of the table
-TEXT: Final = '''"""A force over {over}, {turning}, as gap_diagnosis learned it from {records}.
+TEXT: Final = '''"""{law}, as gap_diagnosis learned it from {records}.
 
 A draft: put the law in the place of the table where you know one, with the range of its parameters.
 """
@@ -40,7 +40,7 @@ CURVE: Final = Measured(
 
 @dataclass(frozen=True)
 class {title}(Effect):
-    """A force over {over}, as it was measured."""
+    """{law}, as it was measured."""
 
     name: ClassVar = "{name}"
     family: ClassVar = "structure"
@@ -93,14 +93,13 @@ def written(file: Path, output: Path) -> str:
 def draft(learned: Results, name: str, records: Sequence[str]) -> str:
     """The text of the effect's file; the law as results.json has it, in SI units."""
     return TEXT.format(
-        over=OVER[learned["coordinate"]],
-        turning=TURNING[learned["symmetry"]],
+        law=f"A{in_words(learned)[1:]}",
         records=json.dumps(", ".join(records))[1:-1],
         table="\n".join(_table(learned)),
         title="".join(part.capitalize() for part in name.split("_")) or "Law",
         name=name,
         coordinate=learned["coordinate"],
-        parity="odd" if learned["symmetry"] in {"odd", "directional"} else "even",
+        parity="even" if learned["symmetry"] in {"plain", "even"} else "odd",
         by_time=learned["coordinate"] == "time",
     )
 

@@ -21,6 +21,7 @@ Results = Mapping[str, Any]
 MAX_BARS = 12  # effects in a bar chart at most
 DECADES = 300.0  # ratio of an axis' ends from which on only powers of ten are marked
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
+LEARNED_LABEL = {"drag": "force on the table per speed", "thrust": "force on the table per thrust"}
 GAPS = (
     ("force_N", force_unit, "unknown force"),
     ("position_m", length_unit, "position"),
@@ -303,6 +304,6 @@ def learned_curve(whole: Results) -> Drawing:
     ax.fill_between(knots, band[:, 0], band[:, 1], facecolor=LIGHT, edgecolor="none", label="95 % band")
     ax.plot(knots, learned["values"], color=style.BLUE, marker="o", markersize=2.5, linestyle="-", label="learned")
     ax.set_xlabel(f"{OVER[learned['coordinate']]} [{learned['unit']}]")
-    ax.set_ylabel("force on the table [N]")
+    ax.set_ylabel(f"{LEARNED_LABEL.get(learned['symmetry'], 'force on the table')} [{learned['values_unit']}]")
     ax.legend(loc="best")
     return figure

@@ -11,9 +11,8 @@ from diagnosis.handover.files import Content
 from diagnosis.handover.overrun import OVERRUN
 from models.quantity import listed, show
 from studies.gap_diagnosis import unknown_law
-from studies.gap_diagnosis.values_off import in_percent
 from studies.gap_diagnosis.weights_told import far_off, no_floor_told
-from studies.wording import effect, effects_listed, words
+from studies.wording import effect, effects_listed, in_percent, words
 
 Results = Mapping[str, Any]
 

@@ -10,7 +10,6 @@ from models.quantity import listed, show
 from studies.gap_diagnosis import moved_most
 from studies.gap_diagnosis.values_off import (
     SHIFTED,
-    in_percent,
     mostly,
     off_by,
     stated_mostly,
@@ -18,7 +17,7 @@ from studies.gap_diagnosis.values_off import (
     values_in_short,
 )
 from studies.gap_diagnosis.weights_told import is_no_floor
-from studies.wording import effect
+from studies.wording import effect, in_percent
 
 Results = Mapping[str, Any]
 

@@ -113,7 +113,7 @@ COORDINATES = (
 )
 SPECTRA = "Power spectral density of the force, with the part due to the scale's noise, and its periods over position."
 LEARNED = (
-    "The learned force over its coordinate, linear between the knots, and its band by drawing motions. Beyond "
+    "The learned law over its coordinate, linear between the knots, and its band by drawing motions. Beyond "
     "its ends it stays what it is there."
 )
 GAINS = "Held-out gain of the catalogue's effects over the re-fitted model, and the thresholds for chance."

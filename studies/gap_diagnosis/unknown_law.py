@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.handover.files import Content
 from models.quantity import show
+from studies.wording import in_percent
 
 Results = Mapping[str, Any]
 
@@ -30,6 +31,10 @@ TURNING: Final = {
     "odd": "turning with its sign",
     "directional": "turning with the direction of motion",
 }
+IN_PROPORTION: Final = {
+    "drag": "a drag, in proportion to the speed, over",
+    "thrust": "a part of the thrust over",
+}
 
 
 def has_curve(learned: Results | None) -> bool:
@@ -44,9 +49,17 @@ def is_the_answer(results: Results) -> bool:
     return bool(results["how_far"]["adopted_file"] == Content.MEASURED)
 
 
+def in_words(learned: Results) -> str:
+    """What the law is: "a force over the position, the same in both directions"."""
+    over, symmetry = OVER[learned["coordinate"]], learned["symmetry"]
+    if symmetry in IN_PROPORTION:
+        return f"{IN_PROPORTION[symmetry]} {over}"
+    return f"a force over {over}, {TURNING[symmetry]}"
+
+
 def in_short(learned: Results) -> str:
-    """What the law is, at the beginning of a sentence."""
-    return f"A force over {OVER[learned['coordinate']]}, {TURNING[learned['symmetry']]},"
+    """What the law is, at the beginning of a sentence that goes on."""
+    return f"A{in_words(learned)[1:]}{'' if learned['symmetry'] in IN_PROPORTION else ','}"
 
 
 def told(learned: Results | None) -> list[str]:
@@ -57,10 +70,8 @@ def told(learned: Results | None) -> list[str]:
         return [f"No law was learned in its place: {learned['reason']}."]
     largest = max(map(abs, learned["values"]))
     low, high = learned["closure_interval"]
-    law = (
-        f"Learned from the records, it is a force over {OVER[learned['coordinate']]}, "
-        f"{TURNING[learned['symmetry']]}, of up to {show(largest, 'N', 3)}{_place(learned)}"
-    )
+    size = show(largest, learned["values_unit"], 3) if learned["values_unit"] != "1" else in_percent(largest)
+    law = f"Learned from the records, it is {in_words(learned)}, of up to {size}{_place(learned)}"
     if learned["adopted"]:
         return [
             f"{law}.",
@@ -68,9 +79,7 @@ def told(learned: Results | None) -> list[str]:
             f"({100 * low:.0f} to {100 * high:.0f} %) of the gap, and improved.toml has it as [effects.measured].",
         ]
     if learned["closure"] < MIN_SIZED_CLOSURE:
-        law = (
-            f"A force over {OVER[learned['coordinate']]}, {TURNING[learned['symmetry']]}, was learned from the records"
-        )
+        law = f"{in_short(learned)} was learned from the records"
     return [f"{law}; but {learned['reason']}, so that improved.toml does not have it."]
 
 

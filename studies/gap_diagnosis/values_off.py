@@ -10,13 +10,12 @@ from models.quantity import listed, show
 from studies.gap_diagnosis import moved_most
 from studies.gap_diagnosis.moved_most import refit_is_most
 from studies.gap_diagnosis.stated_effects import moved_values
-from studies.wording import effect
+from studies.wording import effect, in_percent
 
 Results = Mapping[str, Any]
 
 SHIFTED: Final = 2.0  # deviations of its tolerance, from which on a value counts as off
 TRADED: Final = 0.5  # of a dead time's move, below which that of the whole delay is a trade with a lag
-SEVERAL: Final = 10.0  # from which on a ratio is told as so many times and not in percent [1]
 
 
 def off_by(row: Results) -> str:
@@ -31,11 +30,6 @@ def off_by(row: Results) -> str:
         more = row["values"] > 1 and abs(math.expm1(size)) > abs(row["in_all"])
         return f"{whole} in all (single contacts by up to {told})" if more else whole
     return f"{effect(row['name'])} by {'up to ' if row['values'] > 1 else ''}{told}"
-
-
-def in_percent(ratio: float) -> str:
-    """A ratio [1] in percent, as long as that is easily read."""
-    return f"{float(f'{100 * ratio:.2g}'):g} %" if abs(ratio) < SEVERAL else f"{ratio:.0f} times"
 
 
 def mostly(results: Results) -> list[Results]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from models.effects.base import Effect, Numbers, Place, X, hook
+from models.effects.base import Effect, Numbers, Place, T, U, V, X, hook
 from models.effects.parameter import parameter
 
 
@@ -80,3 +80,48 @@ class Joint(Effect):
     def force(self, x: float, coulomb: float) -> float:
         """The force on the table [N] at a position [m] in motion forwards; coulomb: the friction elsewhere [N]."""
         return -coulomb * self.part * math.exp(-(((x - self.place) / self.width) ** 2))
+
+
+@hook
+def _braking(value: float, p: Numbers, now: Numbers, _: Numbers, __: Numbers) -> float:
+    return value - p[0] * now[V] * math.exp(-(((now[X] - p[1]) / p[2]) ** 2))
+
+
+@dataclass(frozen=True)
+class Brake(Effect):
+    """A drag at one place of the track, as of a magnet beside it."""
+
+    name: ClassVar = "brake"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"-c v e^{-((x-x_0)/w)^2}"
+    source: ClassVar = "assumed: for a test"
+    hooks: ClassVar = {Place.FORCE: _braking}
+    drag: float = parameter("N s/m", "drag c", 1.0, 1e3, "amplitude")
+    place: float = parameter("m", "place x_0", 1e-3, 1e-1, "shape")
+    width: float = parameter("m", "width w", 1e-3, 1e-2, "shape")
+
+    def coefficient(self, x: float) -> float:
+        """The force on the table per speed [N s/m] at a position [m]."""
+        return -self.drag * math.exp(-(((x - self.place) / self.width) ** 2))
+
+
+@hook
+def _fading(value: float, p: Numbers, now: Numbers, _: Numbers, __: Numbers) -> float:
+    return value - p[0] * (1.0 - math.exp(-now[T] / p[1])) * now[U]
+
+
+@dataclass(frozen=True)
+class Fade(Effect):
+    """A motor that gives less thrust as it warms up."""
+
+    name: ClassVar = "fade"
+    family: ClassVar = "structure"
+    equation: ClassVar = r"-a(1-e^{-t/\tau})u"
+    source: ClassVar = "assumed: for a test"
+    hooks: ClassVar = {Place.FORCE: _fading}
+    part: float = parameter("1", "part a", 0.01, 1.0, "amplitude")
+    constant: float = parameter("s", "time constant tau", 0.1, 100.0, "shape")
+
+    def share(self, time: float) -> float:
+        """The force on the table per thrust reference [1] at a time [s] after the record began."""
+        return -self.part * (1.0 - math.exp(-time / self.constant))

@@ -43,7 +43,7 @@ from models.effects.measured import Measured
 from models.machine import from_table
 from models.machine_file import to_toml
 from models.records.record import Record
-from tests.diagnosis.learned.outsiders import Bump, Joint, OneSided
+from tests.diagnosis.learned.outsiders import Brake, Bump, Joint, OneSided
 from tests.diagnosis.tables import recorded, table
 from tests.diagnosis.units import Change
 from tests.diagnosis.where.cases import case
@@ -145,7 +145,10 @@ def test_the_law_is_judged_on_motions_that_its_table_has_not_seen() -> None:
     time = np.concatenate([np.arange(one.position.size) * one.sample_time for one in records])
     knots = np.linspace(0.0, time[-1], 150)
     hats = np.column_stack([np.interp(time, knots, row) for row in np.eye(knots.size)])
-    curve, kind = Curve(Measured("time", tuple(knots), (0.0,) * knots.size), hats), np.zeros(len(healthy.pieces), int)
+    curve, kind = (
+        Curve(Measured("time", tuple(knots), (0.0,) * knots.size), hats, np.ones(len(hats))),
+        np.zeros(len(healthy.pieces), int),
+    )
     projection = partial_out(nominal, healthy.segment)
     columns = columns_of(curve, nominal, healthy, projection)
     test = summed(curve, columns, projection.e, healthy.segment, kind, least=20.0)
@@ -224,6 +227,26 @@ def test_a_joint_of_the_rail_is_learned_where_it_is() -> None:
     files = {file.name: file.held_out.gap() for file in rail.how_far.handover.files}
     assert rail.how_far.handover.adopted.name == "measured law"
     assert files["measured law"].force < 0.3 * files["re-fitted"].force
+
+
+def test_a_brake_beside_the_way_is_learned_as_a_drag_where_it_is() -> None:
+    """No curve over one coordinate is such a law: of a zone with eddy currents half was closed."""
+    brake = Brake(60.0, 9e-3, 2.5e-3)
+    records = recorded(MACHINE, (PLAN,), [brake], seed=5)
+    machine = with_units(MACHINE, records)
+    base = Baseline(refit_within(machine, records), records, pieces(records, loop_time(machine)), NULL)
+    zone = diagnosed(base, disabled=list(looked_for()))
+    law = zone.learned
+    assert law is not None
+    assert law.law is not None
+    assert law.judgement is not None
+    assert (law.law.coordinate, law.law.symmetry, law.reason) == ("position", "drag", "")
+    assert law.judgement.closure > 0.9
+    assert law.to_json("")["values_unit"] == "N s/m"
+    truth = np.array([brake.coefficient(knot) for knot in law.law.knots])
+    assert np.array(law.law.force) == pytest.approx(truth, abs=0.03 * brake.drag)
+    assert zone.how_far.handover.adopted.name == "measured law"
+    assert improved_machine(zone).effects == (law.law,)
 
 
 def test_the_curves_to_choose_from_where_a_type_is_left_out_are_found_without_it(

@@ -38,7 +38,7 @@ def judged(
     place = rng.random(MOTION.size) * np.array(reach)[of_sample]
     hats = np.column_stack([np.interp(place, KNOTS, row) for row in np.eye(len(KNOTS))])
     e = rng.standard_normal(MOTION.size) + force(place, of_sample)
-    curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats)
+    curve = Curve(Measured("position", KNOTS, (0.0,) * len(KNOTS)), hats, np.ones(len(hats)))
     tests = [summed(curve, -hats, e, MOTION, KIND, least=20.0)]
     return judgement(dict.fromkeys(range(TYPES), tests), e**2 - noise, MOTION, KIND, NAMES)
 
@@ -92,7 +92,7 @@ def test_rests_do_not_count_as_motions_in_the_interval() -> None:
         kind, motion = np.append(np.arange(motions) % 3, np.full(rests, 3)), np.repeat(np.arange(size.size), each)
         hats = np.tile([0.0, 1.0, 0.0], (motion.size, 1))
         columns = -hats * (motion < motions)[:, None]
-        curve = Curve(Measured("position", (0.0, 1.0, 2.0), (0.0, 0.0, 0.0)), hats)
+        curve = Curve(Measured("position", (0.0, 1.0, 2.0), (0.0, 0.0, 0.0)), hats, np.ones(len(hats)))
         test = summed(curve, columns, size[motion], motion, kind, least=20.0)
         above = size[motion] ** 2 + 0.3 * (motion < motions)
         low, high = judgement({0: [test], 1: [test], 2: [test]}, above, motion, kind, ["a", "b", "c", ""]).interval
@@ -108,7 +108,7 @@ def test_what_other_types_show_does_not_hang_on_the_sample_time(sample_time: flo
     place = np.tile(0.05 * (1 - np.cos(np.pi * time)), 4)
     knots = np.linspace(0.0, 0.1, 36)
     hats = np.column_stack([np.interp(place, knots, row) for row in np.eye(knots.size)])
-    curve = Curve(Measured("position", tuple(knots), (0.0,) * knots.size), hats)
+    curve = Curve(Measured("position", tuple(knots), (0.0,) * knots.size), hats, np.ones(len(hats)))
     known = replace(units(load()), sample=sample_time)
     motion, kind = np.repeat(np.arange(4), time.size), np.array([0, 1, 2, 2])
     shown = summed(curve, hats, np.ones(place.size), motion, kind, shown_from(known)).shown
@@ -125,11 +125,28 @@ def test_a_straight_line_over_the_acceleration_is_a_mass_and_no_law(coordinate: 
     size = np.abs(values) if symmetry == "odd" else values
     hats = np.column_stack([np.interp(size, knots, row) for row in np.eye(knots.size)])
     hats = hats[:, 1:] * np.sign(values)[:, None] if symmetry == "odd" else hats
-    curve = Curve(Measured(coordinate, tuple(knots), (0.0,) * knots.size, symmetry), hats)
+    curve = Curve(Measured(coordinate, tuple(knots), (0.0,) * knots.size, symmetry), hats, np.ones(len(hats)))
     own, line = curve.own_part(np.ones(values.size, bool)), knots[-hats.shape[1] :]
     assert np.allclose(own @ line, 0.0, atol=1e-9)
     cubic = own @ (line**3 - 2.0 * line)
     assert np.allclose(cubic, own @ line**3)
     assert abs(hats @ line @ hats @ cubic) < 1e-9 * np.linalg.norm(hats @ line) * np.linalg.norm(hats @ cubic)
-    plain = Curve(Measured("speed", curve.law.knots, curve.law.force, symmetry), hats)  # a drag is in no machine file
+    plain = Curve(
+        Measured("speed", curve.law.knots, curve.law.force, symmetry), hats, np.ones(len(hats))
+    )  # a drag is in no machine file
     assert np.array_equal(plain.own_part(np.ones(values.size, bool)), np.eye(line.size))
+
+
+def test_the_mean_part_of_the_thrust_is_a_thrust_constant_and_no_law() -> None:
+    """Weighted by the energy of the thrust, so that what is left has none of the thrust's own force in it."""
+    rng = np.random.default_rng(3)
+    time, thrust = np.linspace(0.0, 10.0, 4000), 3.0 * rng.standard_normal(4000)
+    knots = np.linspace(0.0, 10.0, 11)
+    hats = np.column_stack([np.interp(time, knots, row) for row in np.eye(knots.size)])
+    curve = Curve(Measured("time", tuple(knots), (0.0,) * knots.size, "thrust"), hats, thrust)
+    own = curve.own_part(np.ones(time.size, bool))
+    assert np.allclose(own @ np.ones(knots.size), 0.0, atol=1e-12)
+    left = curve.acting @ own @ knots
+    assert abs(left @ thrust) < 1e-9 * np.linalg.norm(left) * np.linalg.norm(thrust)
+    drag = Curve(Measured("time", tuple(knots), (0.0,) * knots.size, "drag"), hats, thrust)
+    assert np.array_equal(drag.own_part(np.ones(time.size, bool)), np.eye(knots.size))

@@ -67,6 +67,41 @@ def test_the_force_is_that_of_the_table_and_stays_at_its_ends(coordinate: str, s
     assert np.ptp(found.force) > 1.0
 
 
+@pytest.mark.parametrize(("symmetry", "factor"), [("drag", "speed"), ("thrust", "command")])
+@pytest.mark.parametrize("coordinate", ["time", "position"])
+def test_a_drag_and_a_part_of_the_thrust_go_with_these(coordinate: str, symmetry: str, factor: str) -> None:
+    most = 0.6 * float(np.max(np.abs(ALONG[coordinate])))
+    law = Measured(coordinate, (-0.3 * most, 0.1 * most, most), (0.3, -2.0, 0.5), symmetry)  # type: ignore[arg-type]
+    found = along(law).force
+    assert found == pytest.approx(oracle(law, ALONG[coordinate]) * ALONG[factor], abs=1e-12)
+    assert np.ptp(found) > 0
+
+
+def test_in_the_loop_a_constant_drag_is_viscous_friction_and_a_part_of_the_thrust_a_thrust_constant() -> None:
+    controller = controlled(TABLE)
+    drag = Measured("position", (-1.0, 1.0), (-40.0, -40.0), "drag")
+    fade = Measured("time", (0.0, 1e3), (-0.05, -0.05), "thrust")
+    friction = replace(TABLE.friction, stiffness=tuple(one / 0.95 for one in TABLE.friction.stiffness))
+    weaker = replace(  # the thrust constant is of all that acts where the thrust does
+        TABLE,
+        plant=replace(TABLE.plant, thrust_constant=0.95),
+        friction=replace(friction, damping=tuple(one / 0.95 for one in friction.damping)),
+        drive=replace(TABLE.drive, offset=TABLE.drive.offset / 0.95),
+    )
+    bare = simulate(TABLE, controller, TARGET).position
+    for law, other in ((drag, replace(TABLE, effects=(ViscousFriction(40.0),))), (fade, weaker)):
+        one, two = (
+            simulate(machine, controller, TARGET).position for machine in (replace(TABLE, effects=(law,)), other)
+        )
+        assert np.max(np.abs(one - two)) < 1e-6 * np.max(np.abs(bare - two))
+
+
+@pytest.mark.parametrize("coordinate", ["speed", "command", "acceleration"])
+def test_a_law_over_the_speed_or_the_thrust_is_in_proportion_to_neither(coordinate: str) -> None:
+    with pytest.raises(ValueError, match=f"does not go with {coordinate}; give one of plain, even, odd, directional"):
+        Measured(coordinate, (0.0, 1.0), (0.0, 1.0), "drag")  # type: ignore[arg-type]
+
+
 def test_a_directional_law_turns_with_what_the_contacts_hold() -> None:
     law = Measured("position", (-1e-3, 0.0, 1e-3), (-1.0, -3.0, -1.0), "directional")
     plain, found = replay(SOFT, [], PATH, 0.0), along(law)
@@ -128,6 +163,8 @@ LAWS = (
     Measured("time", (0.0, 10.0), (1.0, 2.0)),
     Measured("position", (-1e-3, 0.0, 2e-3), (1.0, 2.0, 1.0), "directional"),
     Measured("position", (0.0, 1e-3, 2e-3), (1.0, 2.0, 1.0), period=2e-3),
+    Measured("position", (0.0, 1e-3, 2e-3), (0.0, -20.0, 0.0), "drag"),
+    Measured("time", (0.0, 10.0), (0.0, -0.05), "thrust"),
     Measured("acceleration", (0.0, 3.0), (0.0, 1.0), "odd"),
     Measured("command", (-20.0, 20.0), (0.3, -0.2)),
     Measured("rest", (0.0, 3.0), (0.0, 1.0), "directional", slow=2e-5),
@@ -147,7 +184,8 @@ def test_a_machine_file_keeps_every_table(tmp_path: Path) -> None:
         "force_N": [1.0, 2.0, 1.0],
         "symmetry": "directional",
     }
-    assert to_json(machine)["effects"]["measured.4"]["knots_m_per_s^2"] == [0.0, 3.0]
+    assert to_json(machine)["effects"]["measured.4"]["force_Ns_per_m"] == [0.0, -20.0, 0.0]
+    assert to_json(machine)["effects"]["measured.6"]["knots_m_per_s^2"] == [0.0, 3.0]
 
 
 def test_its_values_have_units_and_sources(tmp_path: Path) -> None:
@@ -176,7 +214,7 @@ force = { value = ["1 N", "-1 N"], std = ["0.1 N", "0.2 N"], source = "identifie
         ('coordinate = "position"\nknots = ["2 m", "1 m"]\nforce = ["1 N", "1 N"]', "or more that increase"),
         (
             'coordinate = "position"\nsymmetry = "odd"\nknots = ["1 m", "2 m"]\nforce = ["1 N", "1 N"]',
-            "symmetry 'odd' does not go with position; give one of plain, directional",
+            "symmetry 'odd' does not go with position; give one of plain, directional, drag, thrust",
         ),
         (
             'coordinate = "speed"\nsymmetry = "odd"\nknots = ["0 m/s", "1 m/s"]\nforce = ["1 N", "1 N"]',

@@ -17,6 +17,7 @@ LEARNED: dict[str, Any] = {
     "symmetry": "plain",
     "knots": [0.0, 1e-3, 2e-3],
     "values": [0.0, -3.0, 0.0],
+    "values_unit": "N",
     "band": [[-0.1, 0.1], [-3.1, -2.9], [-0.1, 0.2]],
     "closure": 0.97,
     "closure_interval": [0.91, 0.99],
@@ -47,6 +48,24 @@ def test_a_law_at_one_place_is_told_with_the_place() -> None:
         {**rail, "coordinate": "speed"},
     ):
         assert unknown_law.told(other)[0].endswith("of up to 4.2 N.")
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "unit", "law", "size", "label"),
+    [
+        ("drag", "N s/m", "a drag, in proportion to the speed, over the position", "3 N s/m", "per speed [N s/m]"),
+        ("thrust", "1", "a part of the thrust over the position", "3 %", "per thrust [1]"),
+    ],
+)
+def test_a_law_in_proportion_to_speed_or_thrust_is_told_with_its_unit(
+    symmetry: str, unit: str, law: str, size: str, label: str
+) -> None:
+    values = [0.0, -0.03, 0.0] if unit == "1" else LEARNED["values"]
+    shown = {**LEARNED, "symmetry": symmetry, "values_unit": unit, "values": values}
+    assert unknown_law.told(shown)[0] == f"Learned from the records, it is {law}, of up to {size}."
+    assert unknown_law.in_short(shown) == f"A{law[1:]}"
+    (axes,) = figures.learned_curve({"results": {"learned": shown}}).axes
+    assert axes.get_ylabel() == f"force on the table {label}"
 
 
 def test_a_law_that_is_handed_over_comes_before_what_it_resembles(results: dict[str, Any]) -> None:

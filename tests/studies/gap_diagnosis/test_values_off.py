@@ -10,7 +10,7 @@ from diagnosis.model.residual import Candidate
 from studies.gap_diagnosis.compute import _of_all_contacts
 from studies.gap_diagnosis.how_far import MIN_SETTLING_ERROR_RATIO, _slower
 from studies.gap_diagnosis.moved_most import refit_is_most
-from studies.gap_diagnosis.values_off import in_percent
+from studies.wording import in_percent
 from tests.diagnosis.tables import table
 
 
