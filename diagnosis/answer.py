@@ -19,9 +19,9 @@ from diagnosis.model.fit import Fit, largest, parameters_at_bounds
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import shifts
 from diagnosis.verdict import Explanation, Outcome, verdict
+from diagnosis.which.detectors.scan import partial_out
 from diagnosis.which.kinds import Form, above_floor, as_bent_spring, forms, of_kind, periods_shown, repeats
 from diagnosis.which.prune import Pruned, prune, shrinking
-from diagnosis.which.scan import partial_out
 from diagnosis.which.slow import hidden, slow_force
 from diagnosis.which.stage import Carrier, Stage, strongest_first
 from diagnosis.which.table import unsure

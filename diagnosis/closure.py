@@ -38,8 +38,8 @@ from diagnosis.null import simulated_with_starts
 from diagnosis.records.motions import Piece, repeated, rms, scatter
 from diagnosis.records.units import noise
 from diagnosis.where.energy import bootstrap_counts, closure_interval
-from diagnosis.which.random_force import with_sines
-from diagnosis.which.scan import FOLDS, NuisanceProjection, partial_out
+from diagnosis.which.detectors.random_force import with_sines
+from diagnosis.which.detectors.scan import FOLDS, NuisanceProjection, partial_out
 from diagnosis.which.stage import Carrier, Stage
 from models.effects.base import Effect
 from models.effects.catalogue import in_order

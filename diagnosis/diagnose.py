@@ -1,7 +1,7 @@
 """The diagnosis of records: which effect, whether the answer is adequate, how far the gap shrinks with it.
 
 refit and null     the nominal model re-fitted; what the search gains by chance       baseline.py, refit.py, null.py
-select             forwards: one effect more while it gains more than chance          which/select.py, detectors.py
+select             forwards: one effect more while it gains more than chance          which/select.py, detectors/
 prune              backwards: without what the others make useless; shares            which/prune.py
 values             where the plant's run to their bounds: they beyond, or the effects model/at_bounds.py
 slow               where nothing is found: what a force that walks at random follows which/slow.py

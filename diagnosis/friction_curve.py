@@ -22,8 +22,8 @@ from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import bounded, parameters
 from diagnosis.refit import with_new_starts
 from diagnosis.where.side import as_force
+from diagnosis.which.detectors.scan import partial_out
 from diagnosis.which.free_form import ridge_regression
-from diagnosis.which.scan import partial_out
 from models.friction import Friction, deflections
 from models.machine import Machine
 from models.records.record import Record

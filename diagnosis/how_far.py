@@ -15,7 +15,7 @@ from diagnosis.model.residual import Candidate, SmoothedPath, beside_plant, eval
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.null import simulated
 from diagnosis.records.motions import rms
-from diagnosis.which.random_force import with_sines
+from diagnosis.which.detectors.random_force import with_sines
 from models.machine import Machine
 from models.records.record import Record, motions
 from models.records.settling import settling_time

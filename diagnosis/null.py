@@ -33,8 +33,8 @@ from diagnosis.model.roughness import WhiteForce, variance_by_record
 from diagnosis.model.unknown_force import force_left
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.records.units import loop_time, slow_walk
-from diagnosis.which.command_jitter import gained_by_chance
-from diagnosis.which.scan import Columns, Finding, NuisanceProjection, partial_out, scan
+from diagnosis.which.detectors.command_jitter import gained_by_chance
+from diagnosis.which.detectors.scan import Columns, Finding, NuisanceProjection, partial_out, scan
 from models.controller import References
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of

@@ -18,7 +18,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.records.motions import numbered, pieces
-from diagnosis.which.scan import partial_out, scan
+from diagnosis.which.detectors.scan import partial_out, scan
 from models.deployment.coefficients import load_coefficients
 from models.deployment.running_law import RunningLaw
 from models.simulation.simulator import simulate, simulate_many

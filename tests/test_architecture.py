@@ -164,8 +164,8 @@ def test_what_computes_does_not_wait_for_what_draws() -> None:
             assert not {"reports.style", "matplotlib.figure"} & reached, name
 
 
-# What proposes one effect, in diagnosis/which, and what simulates the table whose answer is known, in the study.
-ABOUT_ONE_EFFECT = {"detectors.py", "random_force.py", "command_jitter.py", "own_records.py"}
+# What proposes one effect, in the detectors, and what simulates the table whose answer is known, in the study.
+ABOUT_ONE_EFFECT = {"detect.py", "random_force.py", "command_jitter.py", "own_records.py"}
 
 
 def special_cases(root: Path) -> list[str]:
@@ -185,13 +185,13 @@ def special_cases(root: Path) -> list[str]:
 def test_no_effect_is_special_cased_by_name(tmp_path: Path) -> None:
     assert special_cases(ROOT) == []
     files = {
-        "diagnosis/which/scan.py": "from models.effects.motor import Cogging\n",
+        "diagnosis/which/detectors/scan.py": "from models.effects.motor import Cogging\n",
         "diagnosis/verdict.py": "def f(names):\n    return 'stribeck' in names\n",
-        "diagnosis/which/random_force.py": "from models.effects.structure import FloorVibration\n",
+        "diagnosis/which/detectors/random_force.py": "from models.effects.structure import FloorVibration\n",
     }
     assert special_cases(planted(tmp_path, files)) == [
         "diagnosis/verdict.py names stribeck",
-        "diagnosis/which/scan.py imports models.effects.motor",
+        "diagnosis/which/detectors/scan.py imports models.effects.motor",
     ]
 
 

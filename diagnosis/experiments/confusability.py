@@ -21,8 +21,8 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.residual import columns
 from diagnosis.where.controller import replayed
-from diagnosis.which.command_jitter import lateness
-from diagnosis.which.scan import BATCH, quadratures
+from diagnosis.which.detectors.command_jitter import lateness
+from diagnosis.which.detectors.scan import BATCH, quadratures
 from models.effects.base import Effect, Place, parameters
 from models.effects.catalogue import every, in_order
 from models.effects.parameter import POSITIVE, Parameter

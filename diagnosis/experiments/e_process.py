@@ -41,7 +41,7 @@ from diagnosis.experiments.look import Look
 from diagnosis.model.fit import Fit, weights
 from diagnosis.model.kalman import STARTING
 from diagnosis.model.residual import Residual, columns, evaluate
-from diagnosis.which.command_jitter import lateness
+from diagnosis.which.detectors.command_jitter import lateness
 from models.effects.base import Effect, Place
 from models.effects.catalogue import in_order
 

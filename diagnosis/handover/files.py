@@ -16,7 +16,7 @@ from diagnosis.handover.overrun import OVERRUN, beyond_tolerance, overrun
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import Parameters, bounded, initial_state, parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.which.random_force import with_sines
+from diagnosis.which.detectors.random_force import with_sines
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import in_order, named

@@ -35,7 +35,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import rms
 from diagnosis.verdict import Outcome
 from diagnosis.where.energy import bootstrap_interval, closure_interval
-from diagnosis.which.random_force import NAME
+from diagnosis.which.detectors.random_force import NAME
 from diagnosis.which.stage import Stage
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from diagnosis.model.parameters import TOLERANCES, bounded
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.model.unknown_force import unknown_force
-from diagnosis.which.random_force import with_sines
+from diagnosis.which.detectors.random_force import with_sines
 from diagnosis.which.table import covariance_of, slopes_of_parameters
 from models.effects.base import parameters as parameters_of
 from models.effects.catalogue import named

@@ -28,7 +28,7 @@ from diagnosis.records.units import noise, units
 from diagnosis.where.coordinates import by_motion
 from diagnosis.where.energy import bootstrap_counts, interval_ends
 from diagnosis.where.law_curve import LawCurve
-from diagnosis.which.scan import BATCH, NuisanceProjection, linear_columns, partial_out
+from diagnosis.which.detectors.scan import BATCH, NuisanceProjection, linear_columns, partial_out
 from models.effects.catalogue import in_order
 from models.effects.measured import FORCE_UNITS, UNITS, Measured
 

@@ -27,7 +27,7 @@ from diagnosis.where.coordinates import (
 )
 from diagnosis.where.energy import Samples
 from diagnosis.where.side import as_force
-from diagnosis.which.scan import NuisanceProjection
+from diagnosis.which.detectors.scan import NuisanceProjection
 from models.records.record import Record
 
 Array = NDArray[np.float64]

@@ -45,7 +45,7 @@ from diagnosis.where.energy import (
 )
 from diagnosis.where.force import FAST_WALK, UnknownForce, borne_out, own_course, smoother_response, unknown_force
 from diagnosis.where.side import Side, sides
-from diagnosis.which.scan import NuisanceProjection, partial_out
+from diagnosis.which.detectors.scan import NuisanceProjection, partial_out
 from models.records.record import Record
 
 Array = NDArray[np.float64]

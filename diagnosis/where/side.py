@@ -21,7 +21,7 @@ from diagnosis.model.parameters import initial_state
 from diagnosis.model.residual import shifted
 from diagnosis.where.coordinates import Coordinate, by_motion, folds, hat_functions, held_out
 from diagnosis.where.energy import Samples
-from diagnosis.which.scan import MAX_SPECTRUM_BINS, NuisanceProjection
+from diagnosis.which.detectors.scan import MAX_SPECTRUM_BINS, NuisanceProjection
 from models.effects.priors import REFERENCE, Units
 from models.records.record import Record
 from models.simulation.effect_kernel import replay

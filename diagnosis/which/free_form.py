@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
-from diagnosis.which.scan import BATCH, FOLDS, NuisanceProjection, linear_columns, linear_parts
+from diagnosis.which.detectors.scan import BATCH, FOLDS, NuisanceProjection, linear_columns, linear_parts
 from models.effects.base import Effect, parameters
 from models.effects.priors import Priors
 from models.records.record import Record

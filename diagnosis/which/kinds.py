@@ -16,8 +16,8 @@ from diagnosis.criteria import Criteria
 from diagnosis.learned.curves_tried import curves_over
 from diagnosis.model.fit import Fit, coordinates, weights
 from diagnosis.model.residual import columns
+from diagnosis.which.detectors.scan import NuisanceProjection, by_segment, finding_of, linear_columns, partial_out
 from diagnosis.which.free_form import free_form, member_columns, unit_columns
-from diagnosis.which.scan import NuisanceProjection, by_segment, finding_of, linear_columns, partial_out
 from diagnosis.which.stage import Proposal
 from models.effects.base import Effect, Kind, parameters
 from models.effects.catalogue import in_order

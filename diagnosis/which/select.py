@@ -25,10 +25,10 @@ from diagnosis.model.fit import Fit, amplitudes, fit, parameters_at_bounds
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
 from diagnosis.refit import weighed, with_new_starts
-from diagnosis.which.detectors import detect, random_force, view
+from diagnosis.which.detectors.detect import detect, random_force, view
+from diagnosis.which.detectors.random_force import MIN_REFINED_GAIN, as_seen, is_about
+from diagnosis.which.detectors.scan import HIGHEST, Columns
 from diagnosis.which.kinds import beside_free_forms, periods_shown
-from diagnosis.which.random_force import MIN_REFINED_GAIN, as_seen, is_about
-from diagnosis.which.scan import HIGHEST, Columns
 from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect, parameters
 from models.quantity import declaration

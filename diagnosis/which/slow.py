@@ -19,7 +19,7 @@ from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left, still_fit
-from diagnosis.which.detectors import catalogue_scan, view
+from diagnosis.which.detectors.detect import catalogue_scan, view
 from diagnosis.which.select import ITERATIONS, RecordSearch, Trial, above_chance, inadmissible
 from diagnosis.which.stage import Proposal, Stage
 

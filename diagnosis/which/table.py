@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, coordinates, effects_prior_std, with_coordinates
-from diagnosis.which.random_force import with_sines
+from diagnosis.which.detectors.random_force import with_sines
 from diagnosis.which.stage import Carrier, Proposal, Stage
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of

@@ -20,7 +20,7 @@ from diagnosis.model.fit import weights
 from diagnosis.model.residual import columns
 from diagnosis.records.motions import numbered
 from diagnosis.where.force import SLOW_WALK, smoothed_force
-from diagnosis.which.scan import NuisanceProjection, partial_out, quadratures
+from diagnosis.which.detectors.scan import NuisanceProjection, partial_out, quadratures
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
 from models.nominal_file import load

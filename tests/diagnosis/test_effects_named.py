@@ -16,7 +16,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import search, static_equilibrium_start
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.where.controller import replayed
-from diagnosis.which.scan import Finding, partial_out, scan
+from diagnosis.which.detectors.scan import Finding, partial_out, scan
 from models.effects.base import VISIBLE_SIGNALS, Effect
 from models.effects.base import parameters as parameters_of
 from models.machine import Machine

@@ -20,7 +20,7 @@ from diagnosis.model.residual import Candidate
 from diagnosis.model.start_states import static_equilibrium_start
 from diagnosis.null import Null
 from diagnosis.records.motions import numbered, pieces
-from diagnosis.which.scan import NuisanceProjection, partial_out, scan
+from diagnosis.which.detectors.scan import NuisanceProjection, partial_out, scan
 from models.records.record import Record
 from models.simulation.simulator import simulate
 from tests.diagnosis.tables import recorded, table

@@ -27,10 +27,10 @@ from diagnosis.records.motions import MotionKind, Piece, numbered, pieces, rms, 
 from diagnosis.records.units import white_force
 from diagnosis.refit import noise_alone, refit_within, weighed, whiteness, within_rating
 from diagnosis.verdict import Outcome
-from diagnosis.which import random_force
+from diagnosis.which.detectors import random_force
+from diagnosis.which.detectors.random_force import strongest_random_force
+from diagnosis.which.detectors.scan import partial_out
 from diagnosis.which.kinds import above_floor, of_kind
-from diagnosis.which.random_force import strongest_random_force
-from diagnosis.which.scan import partial_out
 from models.effects.base import Effect, Numbers, Place, T, hook
 from models.effects.friction_laws import ViscousFriction
 from models.effects.parameter import parameter

@@ -25,9 +25,9 @@ from diagnosis.records.units import WALK, holds, loop_time, noise, slow_walk, un
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
 from diagnosis.where.force import steady_deviation
+from diagnosis.which.detectors.random_force import levels
 from diagnosis.which.free_form import members
 from diagnosis.which.prune import prune
-from diagnosis.which.random_force import levels
 from diagnosis.which.select import select
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every

@@ -28,7 +28,7 @@ from diagnosis.model.residual import Candidate, columns, evaluate
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.where.locate import locate
 from diagnosis.where.sentences import words
-from diagnosis.which.scan import by_segment, finding_of, partial_out, quadratures
+from diagnosis.which.detectors.scan import by_segment, finding_of, partial_out, quadratures
 from models.controller import Controller
 from models.effects.base import Effect
 from models.effects.catalogue import every, looked_for

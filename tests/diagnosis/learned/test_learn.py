@@ -35,7 +35,7 @@ from diagnosis.records.motions import MotionKind, pieces
 from diagnosis.records.units import loop_time, units, with_units
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
-from diagnosis.which.scan import partial_out
+from diagnosis.which.detectors.scan import partial_out
 from diagnosis.which.stage import Stage
 from models.effects.base import Effect
 from models.effects.catalogue import looked_for

@@ -22,7 +22,7 @@ from diagnosis.where.locate import Where, locate
 from diagnosis.where.sentences import Topic, statements
 from diagnosis.where.serialise import pictures, to_json
 from diagnosis.where.side import force_or_reading, sides
-from diagnosis.which.scan import partial_out
+from diagnosis.which.detectors.scan import partial_out
 from models.records.checks import replay
 from models.records.record import Record
 from studies.command import to_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from diagnosis.which.detectors.scan import FOLDS, NuisanceProjection
 from diagnosis.which.free_form import HARMONICS, MEMBERS, SHAPE_RANGE_FACTOR, members, ridge_regression
-from diagnosis.which.scan import FOLDS, NuisanceProjection
 from models.effects.base import Effect, parameters
 from models.effects.catalogue import every
 from models.effects.friction_laws import DwellBreakaway, Stribeck

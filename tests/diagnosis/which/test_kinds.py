@@ -15,8 +15,8 @@ from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.records.units import with_units
 from diagnosis.refit import refit_within
+from diagnosis.which.detectors.scan import linear_columns, partial_out, scan
 from diagnosis.which.kinds import OfKind, beside_free_forms, periods_shown, with_free_forms
-from diagnosis.which.scan import linear_columns, partial_out, scan
 from diagnosis.which.stage import Proposal, Stage, excluded
 from models.effects.base import VISIBLE_SIGNALS, Effect
 from models.effects.catalogue import every

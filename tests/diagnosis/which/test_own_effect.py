@@ -14,7 +14,7 @@ from diagnosis.model.fit import parameters_at_bounds
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.refit import refit_within
 from diagnosis.verdict import Outcome
-from diagnosis.which.scan import partial_out, scan
+from diagnosis.which.detectors.scan import partial_out, scan
 from models.effects.base import Effect
 from models.effects.catalogue import every
 from tests.diagnosis.tables import fitted_with, recorded, short, table

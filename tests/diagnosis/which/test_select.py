@@ -14,8 +14,8 @@ from diagnosis.model.fit import Fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from diagnosis.which.random_force import is_about
-from diagnosis.which.scan import Columns
+from diagnosis.which.detectors.random_force import is_about
+from diagnosis.which.detectors.scan import Columns
 from diagnosis.which.select import Trial, grown, inadmissible, min_gain_beside_others
 from diagnosis.which.stage import Proposal, Stage
 from models.effects.base import Effect

@@ -14,7 +14,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.records.units import contact_length, loop_time
-from diagnosis.which.random_force import (
+from diagnosis.which.detectors.random_force import (
     as_seen,
     at_rest,
     evenness,
@@ -23,7 +23,7 @@ from diagnosis.which.random_force import (
     strongest_random_force,
     with_sines,
 )
-from diagnosis.which.scan import partial_out
+from diagnosis.which.detectors.scan import partial_out
 from models.effects.base import Effect, Numbers, Place, T, V, hook
 from models.effects.parameter import parameter
 from models.effects.priors import Priors

@@ -11,11 +11,11 @@ import pytest
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.schedules import dwell_sweep
 from diagnosis.model.kalman import Resonance
-from diagnosis.which import detectors
-from diagnosis.which.command_jitter import Lateness
-from diagnosis.which.detectors import View, _from_afar
-from diagnosis.which.random_force import RandomForce
-from diagnosis.which.scan import Finding
+from diagnosis.which.detectors import detect
+from diagnosis.which.detectors.command_jitter import Lateness
+from diagnosis.which.detectors.detect import View, _from_afar
+from diagnosis.which.detectors.random_force import RandomForce
+from diagnosis.which.detectors.scan import Finding
 from diagnosis.which.stage import Proposal
 from models.effects.base import parameters
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
@@ -56,12 +56,12 @@ def test_commands_that_are_late_by_more_than_a_sample_are_simulated_as_such(
 ) -> None:
     """With all of them late by one, 1.5 samples were a dead time that does not vary at all."""
     step = 5e-4
-    monkeypatch.setattr(detectors, "lateness", lambda *_: Lateness(samples * step, 1e4, 0.0))
+    monkeypatch.setattr(detect, "lateness", lambda *_: Lateness(samples * step, 1e4, 0.0))
     fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=()))
     record = SimpleNamespace(sample_time=step, every=1)
     baseline: Any = SimpleNamespace(criteria=Criteria(), thresholds={}, records=(record,))
     nothing: Any = None
-    (found,) = detectors.command_jitter(View(fitted, baseline, nothing)).proposals
+    (found,) = detect.command_jitter(View(fitted, baseline, nothing)).proposals
     part = found.random_part
     assert part is not None
     assert isinstance(part.effect, TimingJitter)
@@ -92,14 +92,14 @@ def test_what_a_mode_that_must_not_be_used_rings_is_no_floor(
         assert set(left_out) == {"cogging"}
         return [mode], {}
 
-    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: line)
-    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
-    monkeypatch.setattr(detectors, "gain_in_time", lambda *_: 0.0)
-    monkeypatch.setattr(detectors, "scan", scanned)
+    monkeypatch.setattr(detect, "strongest_random_force", lambda *_: line)
+    monkeypatch.setattr(detect, "is_locked", lambda *_: False)
+    monkeypatch.setattr(detect, "gain_in_time", lambda *_: 0.0)
+    monkeypatch.setattr(detect, "scan", scanned)
     fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=(), random_forces=()))
     baseline: Any = SimpleNamespace(
         criteria=Criteria(), thresholds={}, records=(SimpleNamespace(every=1),), machine=SimpleNamespace(kinds=kinds)
     )
     nothing: Any = None
-    found = detectors.random_force(View(fitted, baseline, nothing, disabled)).proposals
+    found = detect.random_force(View(fitted, baseline, nothing, disabled)).proposals
     assert [one.name for one in found] == (["floor_vibration"] if proposed else [])

@@ -15,9 +15,9 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.null import Null
 from diagnosis.records.motions import pieces, repeated
-from diagnosis.which import detectors
-from diagnosis.which.detectors import catalogue_scan, is_locked, random_force, view
-from diagnosis.which.random_force import RandomForce
+from diagnosis.which.detectors import detect
+from diagnosis.which.detectors.detect import catalogue_scan, is_locked, random_force, view
+from diagnosis.which.detectors.random_force import RandomForce
 from models.effects.structure import AdditionalMode, FloorVibration
 from models.simulation.simulator import simulate
 from tests.diagnosis.slow import leg, moved
@@ -59,8 +59,8 @@ def test_where_an_added_mode_rings_no_random_force_is_proposed(
 ) -> None:
     """It rings to forces that nobody knows, too."""
     found = RandomForce(Resonance(frequency, 0.1, 0.1), 1e4)
-    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: found)
-    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    monkeypatch.setattr(detect, "strongest_random_force", lambda *_: found)
+    monkeypatch.setattr(detect, "is_locked", lambda *_: False)
     candidate = replace(begun.nominal.candidate, effects=(AdditionalMode(1e-3, 118.0, 0.02),))
     fitted = fit(candidate, begun.records, iterations=0)
     assert bool(random_force(view(fitted, begun, (), (), {})).proposals) == proposed
@@ -72,8 +72,8 @@ def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
 ) -> None:
     """The first is of a drawn machine with wrong nominal values only (seed 202624), whose line gained 45."""
     found = RandomForce(Resonance(468.0, 0.1, 0.1), 45.0, 1.0, even)
-    monkeypatch.setattr(detectors, "strongest_random_force", lambda *_: found)
-    monkeypatch.setattr(detectors, "is_locked", lambda *_: False)
+    monkeypatch.setattr(detect, "strongest_random_force", lambda *_: found)
+    monkeypatch.setattr(detect, "is_locked", lambda *_: False)
     assert bool(random_force(view(begun.nominal, begun, (), (), {})).proposals) == proposed
 
 

@@ -18,8 +18,8 @@ from diagnosis.model.fit import Fit
 from diagnosis.model.parameters import parameters
 from diagnosis.records.units import loop_time
 from diagnosis.refit import refit
-from diagnosis.which.command_jitter import Lateness, lateness
-from diagnosis.which.detectors import _accounts_for_the_rest
+from diagnosis.which.detectors.command_jitter import Lateness, lateness
+from diagnosis.which.detectors.detect import _accounts_for_the_rest
 from models.effects.base import Effect
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging, CurrentLoopLag, DacQuantisation, GainAsymmetry, ThrustSaturation, TimingJitter

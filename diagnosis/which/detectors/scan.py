@@ -23,7 +23,7 @@ from diagnosis.model.fit import PRIOR_ROOM_FACTOR, Fit, effects_prior_std, weigh
 from diagnosis.model.kalman import adjoint
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import columns, driving
-from diagnosis.which.resonances import resonances
+from diagnosis.which.detectors.resonances import resonances
 from models.compiled import compiled
 from models.effects.base import VISIBLE_SIGNALS, Effect, Place, parameters
 from models.effects.catalogue import in_order

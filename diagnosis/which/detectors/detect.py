@@ -21,16 +21,16 @@ from diagnosis.model.fit import Fit, cost_with
 from diagnosis.model.parallel import parallel_map
 from diagnosis.records.motions import periods, repeated, scatter
 from diagnosis.records.units import noise
-from diagnosis.which.command_jitter import Lateness, lateness
-from diagnosis.which.kinds import with_free_forms
-from diagnosis.which.random_force import (
+from diagnosis.which.detectors.command_jitter import Lateness, lateness
+from diagnosis.which.detectors.random_force import (
     SAME_FREQUENCY_RATIOS,
     RandomForce,
     is_about,
     reductions,
     strongest_random_force,
 )
-from diagnosis.which.scan import Columns, NuisanceProjection, partial_out, scan
+from diagnosis.which.detectors.scan import Columns, NuisanceProjection, partial_out, scan
+from diagnosis.which.kinds import with_free_forms
 from diagnosis.which.stage import Carrier, Proposal, RandomPart
 from models.effects.base import parameters
 from models.effects.motor import TimingJitter

@@ -11,7 +11,7 @@ from diagnosis.criteria import Criteria
 from diagnosis.model.fit import bounds_of, parameters_at_bounds
 from diagnosis.records.motions import numbered, pieces
 from diagnosis.refit import refit_within
-from diagnosis.which.scan import partial_out, peaks, scan
+from diagnosis.which.detectors.scan import partial_out, peaks, scan
 from models.effects.base import Effect, parameters
 from models.effects.friction_laws import PositionDependentFriction, Stribeck
 from models.effects.motor import Cogging, ThrustRipple
@@ -99,7 +99,7 @@ def test_a_mode_slower_than_the_usual_ones_is_found(law: AdditionalMode, monkeyp
     assert usual.widest[0] < law.frequency < 0.7 * usual.low
     records = recorded(MACHINE, (short(MACHINE),), [law], seed=15)
     nominal = refit_within(MACHINE, records)
-    monkeypatch.setattr("diagnosis.which.scan.VISIBLE_SIGNALS", {AdditionalMode.shown_in()})
+    monkeypatch.setattr("diagnosis.which.detectors.scan.VISIBLE_SIGNALS", {AdditionalMode.shown_in()})
     found, _ = scan(nominal, records, partial_out(nominal, numbered(pieces(records), records)))
     best = next(one for one in found if one.effect.name == law.name)
     assert isinstance(best.effect, AdditionalMode)

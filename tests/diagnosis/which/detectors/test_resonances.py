@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from diagnosis.which.resonances import FREQUENCY_STEP_DAMPINGS, resonances
+from diagnosis.which.detectors.resonances import FREQUENCY_STEP_DAMPINGS, resonances
 from models.plant import Mode
 
 SAMPLE = 1e-3

@@ -20,7 +20,7 @@ from diagnosis.model.fit import Fit, fit
 from diagnosis.model.kalman import STARTING, Resonance
 from diagnosis.model.residual import Candidate, evaluate
 from diagnosis.records.units import contact_length, loop_time, usual_force, white_force
-from diagnosis.which.scan import NuisanceProjection, adjoints, linear_columns
+from diagnosis.which.detectors.scan import NuisanceProjection, adjoints, linear_columns
 from models.effects.base import parameters
 from models.effects.catalogue import in_order
 from models.effects.priors import REFERENCE, Priors

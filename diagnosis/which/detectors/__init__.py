@@ -1,0 +1,1 @@
+"""What proposes an effect: each detector looks in its own way at what a model leaves."""
