@@ -21,7 +21,8 @@ from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left
-from diagnosis.which.select import min_gain_beside_others, runs_to_bounds
+from diagnosis.which.admissible import runs_to_bounds
+from diagnosis.which.select import min_gain_beside_others
 from diagnosis.which.stage import Stage
 from models.records.record import Record
 

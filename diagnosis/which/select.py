@@ -8,12 +8,8 @@ constants) before a second class is looked for.
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, fields, replace
-from types import MappingProxyType
-from typing import Final, Protocol
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,132 +17,14 @@ from numpy.typing import NDArray
 from diagnosis.baseline import Baseline
 from diagnosis.criteria import Criteria
 from diagnosis.how_far import force_share
-from diagnosis.model.fit import Fit, amplitudes, fit, parameters_at_bounds
-from diagnosis.model.parallel import parallel_map
-from diagnosis.model.unknown_force import force_left
-from diagnosis.refit import weighed, with_new_starts
-from diagnosis.which.detectors.detect import detect, random_force, view
-from diagnosis.which.detectors.random_force import MIN_REFINED_GAIN, as_seen, is_about
-from diagnosis.which.detectors.scan import HIGHEST, Columns
-from diagnosis.which.kinds import beside_free_forms, periods_shown
-from diagnosis.which.stage import Proposal, Stage
+from diagnosis.model.fit import Fit
+from diagnosis.which.admissible import inadmissible, within_range
+from diagnosis.which.detectors.random_force import is_about
+from diagnosis.which.search import RecordSearch, Search
+from diagnosis.which.stage import Proposal, Stage, Trial
 from models.effects.base import Effect, parameters
-from models.quantity import declaration
 
 Array = NDArray[np.float64]
-
-ITERATIONS: Final = 8  # of the fit of an effect with everything else
-ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else moves
-OVERLAP_WIDTHS: Final = 3.0  # of resonances, in the widths of both: within, one of the other sign takes from the first
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A proposal and the model with it, fitted."""
-
-    proposal: Proposal
-    fitted: Fit
-
-
-class Search(Protocol):
-    """What the search needs of the records: criteria, the noise floors (draws,) [1], and three things to do."""
-
-    @property
-    def criteria(self) -> Criteria:
-        """The thresholds by which it decides."""
-
-    @property
-    def floors(self) -> Array:
-        """Chi-square (draws,) [1] that complete models leave."""
-
-    def examined(
-        self, stage: Stage, negligible: Collection[str] = (), known: Columns = MappingProxyType({})
-    ) -> tuple[Stage, Columns]:
-        """The stage with what the detectors propose, and the scan's columns for the next stage."""
-
-    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
-        """The stage's model fitted with each proposal."""
-
-    def shaking(self, stage: Stage, frequency: float) -> tuple[Proposal, ...]:
-        """The random force about a frequency [Hz], if the stage's model leaves one."""
-
-    def settled(self, trial: Trial, before: Stage) -> Trial:
-        """The trial that is about to be kept, with what it may have stood in for estimated anew."""
-
-    def force(self, fitted: Fit) -> float:
-        """The deviation [N] of the unknown force that a model leaves."""
-
-    def deviance(self, fitted: Fit) -> float:
-        """-2 log likelihood [1] of a model, its priors included: what compares one with another random force."""
-
-    def periods(self, effect: Effect) -> float:
-        """How many periods of a law the records' travel holds [1]; infinite for a law that need not repeat."""
-
-
-@dataclass(frozen=True)
-class RecordSearch:
-    """The search in the records of a baseline; disabled: effects that must not be used."""
-
-    baseline: Baseline
-    disabled: Collection[str] = ()
-
-    @property
-    def criteria(self) -> Criteria:
-        """The baseline's."""
-        return self.baseline.criteria
-
-    @property
-    def floors(self) -> Array:
-        """The baseline's noise floors (draws,) [1]."""
-        return self.baseline.floors
-
-    def examined(
-        self, stage: Stage, negligible: Collection[str] = (), known: Columns = MappingProxyType({})
-    ) -> tuple[Stage, Columns]:
-        """An effect in the model changes the columns of others to second order only, so they are computed once."""
-        seen = view(stage.fitted, self.baseline, self.disabled, negligible, known)
-        detected = detect(seen)
-        proposals = beside_free_forms(detected.proposals, stage.fitted, self.baseline.records, seen.own)
-        return replace(stage, proposals=proposals), detected.columns
-
-    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
-        """Side by side, from where the stage stands."""
-        here, records = stage.fitted, self.baseline.records
-
-        def fitted(proposal: Proposal) -> Trial:
-            iterations = ITERATIONS_OF_A_FORCE if proposal.decided else ITERATIONS
-            candidate = proposal.added_to(here.candidate)
-            return Trial(proposal, fit(candidate, records, paths=here.paths, iterations=iterations, walk=here.walk))
-
-        return list(parallel_map(fitted, proposals))
-
-    def shaking(self, stage: Stage, frequency: float) -> tuple[Proposal, ...]:
-        """By the detector of such forces, at frequencies that it does not look at by itself, too."""
-        return random_force(view(stage.fitted, self.baseline, self.disabled, (), {}), frequency).proposals
-
-    def settled(self, trial: Trial, before: Stage) -> Trial:
-        """Start states and white force, where what the trial gained may have stood in for them."""
-        fitted, records = trial.fitted, self.baseline.records
-        if before.fitted.cost - fitted.cost > self.criteria.restart_gain:
-            fitted = with_new_starts(fitted, records)
-        if fitted.candidate.rough:
-            fitted = weighed(fitted, records, self.criteria, lambda: self.baseline.null.usual)
-        if trial.proposal.decided and trial.proposal.gain > MIN_REFINED_GAIN:
-            fitted = as_seen(fitted, records)
-        return replace(trial, fitted=fitted)
-
-    def force(self, fitted: Fit) -> float:
-        """Of the baseline's records."""
-        return force_left(fitted, self.baseline.records)
-
-    def deviance(self, fitted: Fit) -> float:
-        """The cost, beside what the innovations' deviations are by themselves."""
-        sizes = [2 * one.innovations.size * math.log(one.deviation) for one in fitted.residuals]
-        return fitted.cost + sum(sizes)
-
-    def periods(self, effect: Effect) -> float:
-        """In the longest travel of the baseline's records."""
-        return periods_shown(effect, self.baseline.records)
 
 
 def select(
@@ -357,98 +235,6 @@ def min_gain_beside_others(gained: float, left: float, floors: Array, criteria: 
     excess, form = left - float(np.max(floors)), criteria.form_error * gained
     least = min(form, criteria.form_error_of_excess * excess) if excess > 0 else form
     return max(criteria.min_gain_further, least)
-
-
-def inadmissible(trials: Sequence[Trial], stages: Sequence[Stage], search: Search) -> set[str]:
-    """Effects that were tried and only mend the form of another law: whose members take from each other, further
-    members that do not repeat within the travel, those larger than any can be, and those at the bounds of their prior
-    range that gain little of what the effects before them did."""
-    criteria, here = search.criteria, stages[-1].fitted
-    names = {trial.proposal.name for trial in trials if _opposed(trial.fitted, trial.proposal.name)}
-    names |= {trial.proposal.name for trial in trials if _too_fast(trial.fitted)}
-    names |= {trial.proposal.name for trial in trials if _draws_more(trial, here, search)}
-    names |= {trial.proposal.name for trial in trials if _is_impossible(trial.fitted, trial.proposal.name)}
-    if here.candidate.added_effects:
-        large = criteria.min_gain_at_bound * (stages[0].fitted.cost - here.cost)
-        bounded = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
-        little = [trial for trial in bounded if here.cost - trial.fitted.cost < large]
-        names |= {trial.proposal.name for trial in little if not _is_of_rest(trial, here, search)}
-    return names
-
-
-def within_range(trials: Sequence[Trial], before: Stage, criteria: Criteria) -> list[Trial]:
-    """Of effects that were tried those that may be kept: not one that ran to the bounds of its prior range, where it
-    is another law's stand-in, and gains little more than one within its range does."""
-    outside = [trial for trial in trials if runs_to_bounds(trial.fitted, trial.proposal.name)]
-    inside = [trial for trial in trials if trial not in outside]
-    gains = [before.fitted.cost - trial.fitted.cost for trial in inside]
-    enough = criteria.min_ratio_at_bound * max(gains, default=0.0)
-    return [*inside, *(one for one in outside if before.fitted.cost - one.fitted.cost > enough)]
-
-
-def _is_of_rest(trial: Trial, before: Fit, search: Search) -> bool:
-    """Whether an effect that was tried is of the time at rest and takes off the greater part of the unknown force.
-    What happens at rest has time constants over decades (ageing goes with the logarithm of the time), of which the
-    best single one may be shorter or longer than any that is usual."""
-    effect = trial.proposal.effect
-    if effect is None or type(effect).kind().coordinate != "rest":
-        return False
-    return force_share(search.force(before), search.force(trial.fitted)) >= search.criteria.force_share_of_slow
-
-
-def runs_to_bounds(fitted: Fit, name: str) -> bool:
-    """Whether an effect of this class had to leave its prior range."""
-    priors = fitted.candidate.nominal.priors
-    return any(parameters_at_bounds(effect, priors) for effect in fitted.candidate.added_effects if effect.name == name)
-
-
-def _too_fast(fitted: Fit) -> bool:
-    """Whether a mode that was added ran to frequencies that the samples hardly hold."""
-    highest = HIGHEST * 0.5 / fitted.paths[0].path.sample_time if fitted.paths else float("inf")
-    return any(mode.frequency > highest for effect in fitted.candidate.added_effects for mode in effect.modes())
-
-
-def _draws_more(trial: Trial, before: Fit, search: Search) -> bool:
-    """Whether a further member of a class has a period that the travel does not show to repeat, beside one that it
-    does: it draws what the others leave, and no form of the class could be told from it."""
-    name, least = trial.proposal.name, search.criteria.min_periods
-
-    def shown(fitted: Fit) -> list[bool]:
-        return [search.periods(one) >= least for one in fitted.candidate.effects if one.name == name]
-
-    return any(shown(before)) and shown(trial.fitted).count(False) > shown(before).count(False)
-
-
-def _is_impossible(fitted: Fit, name: str) -> bool:
-    """Whether an effect of this class is larger than one can be, as a ripple of more than the whole thrust, or has a
-    sign that none has, so that a file would hold it as none at all."""
-    for effect in fitted.candidate.added_effects:
-        for field in fields(effect) if effect.name == name else ():
-            declared, number = declaration(field, effect), getattr(effect, field.name)
-            if declared and declared.below is not None and number > declared.below:
-                return True
-            if declared and declared.at_least is not None and number < declared.at_least:
-                return True
-    return False
-
-
-def _opposed(fitted: Fit, name: str) -> bool:
-    """Whether members of this class, the machine file's among them, have first amplitudes of both signs; modes only
-    where their resonances overlap, as others of both signs are usual."""
-    alike = [effect for effect in fitted.candidate.effects if effect.name == name and amplitudes(effect)]
-    return any(
-        amplitudes(one)[0] * amplitudes(other)[0] < 0 and _overlap(one, other)
-        for one, other in itertools.combinations(alike, 2)
-    )
-
-
-def _overlap(one: Effect, other: Effect) -> bool:
-    """Whether laws act at the same frequencies: all do but modes that are apart by more than a few of their widths."""
-    pairs = list(itertools.product(one.modes(), other.modes()))
-    return not pairs or any(
-        abs(a.frequency - b.frequency) < OVERLAP_WIDTHS * (a.damping * a.frequency + b.damping * b.frequency)
-        for a, b in pairs
-    )
 
 
 def _takes_force(trial: Trial, stages: Sequence[Stage], search: Search) -> bool:

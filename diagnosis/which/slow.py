@@ -19,9 +19,11 @@ from diagnosis.how_far import force_share
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.unknown_force import force_left, still_fit
+from diagnosis.which.admissible import inadmissible
 from diagnosis.which.detectors.detect import catalogue_scan, view
-from diagnosis.which.select import ITERATIONS, RecordSearch, Trial, above_chance, inadmissible
-from diagnosis.which.stage import Proposal, Stage
+from diagnosis.which.search import ITERATIONS, RecordSearch
+from diagnosis.which.select import above_chance
+from diagnosis.which.stage import Proposal, Stage, Trial
 
 
 def hidden(closure: Closure, criteria: Criteria) -> bool:

@@ -1,4 +1,5 @@
-"""The nouns of the search: what a detector proposes, and one stage of the model that grows by what is proposed."""
+"""The nouns of the search: what a detector proposes, the model fitted with it on trial, and one stage of the model that
+grows by what is proposed."""
 
 from __future__ import annotations
 
@@ -66,6 +67,14 @@ class Proposal:
             return replace(candidate, random_forces=(*candidate.random_forces, self.random_force))
         assert self.effect is not None, f"{self.name} is carried by the {self.carrier}"
         return replace(candidate, effects=in_order((*candidate.effects, self.effect)))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A proposal and the model with it, fitted."""
+
+    proposal: Proposal
+    fitted: Fit
 
 
 @dataclass(frozen=True)

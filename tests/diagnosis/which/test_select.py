@@ -7,93 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from diagnosis.criteria import Criteria
 from diagnosis.model.fit import Fit, parameters_at_bounds
 from diagnosis.model.kalman import Resonance
-from diagnosis.model.parameters import parameters
-from diagnosis.model.residual import Candidate
-from diagnosis.which.detectors.random_force import is_about
 from diagnosis.which.detectors.scan import Columns
-from diagnosis.which.select import Trial, grown, inadmissible, min_gain_beside_others
-from diagnosis.which.stage import Proposal, Stage
+from diagnosis.which.select import grown, min_gain_beside_others
+from diagnosis.which.stage import Proposal, Stage, Trial
 from models.effects.base import Effect
-from models.effects.catalogue import every, in_order
-from models.effects.friction_laws import DirectionalFriction, DwellBreakaway, FrictionDrift
-from models.effects.motor import Cogging, ThrustRipple
-from models.effects.structure import AdditionalMode, FrictionDrivenMode
-from tests.diagnosis.tables import table
-
-MACHINE, CRITERIA = table(), Criteria()
-START = 2000.0  # cost of the nominal re-fit
-Array = NDArray[np.float64]
-
-
-def _fit(cost: float, effects: Sequence[Effect] = (), own: Sequence[Effect] = ()) -> Fit:
-    """A fit that leaves so much, with effects in the model; own: those of the machine file, which are in it, too."""
-    layout = parameters(replace(MACHINE, effects=tuple(own)), 1)
-    candidate = Candidate(layout, np.zeros(layout.count), in_order((*own, *effects)))
-    nothing = np.zeros((3, 0))
-    return Fit(candidate, (), (), np.zeros(3), nothing, nothing, cost, 0.0)
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A search that goes as planned: with so many effects in the model these gain so much, and cost that once tried."""
-
-    promises: Mapping[int, Mapping[str, float]]
-    costs: Mapping[str, float]
-    effects: Mapping[str, Effect]
-    forces: Mapping[int, Proposal]
-    criteria: Criteria = CRITERIA
-    threshold: float = CRITERIA.min_gain
-    travel: float = 0.1  # [m]
-    line: Proposal | None = None  # of a random force, where one is looked for only
-
-    @property
-    def floors(self) -> Array:
-        return np.zeros(1)
-
-    def examined(
-        self,
-        stage: Stage,
-        negligible: Collection[str] = (),  # noqa: ARG002 - of the protocol
-        known: Columns | None = None,
-    ) -> tuple[Stage, Columns]:
-        candidate = stage.fitted.candidate
-        promised = self.promises.get(len(candidate.effects), {})
-        proposals = [Proposal(name, gain, self.threshold, effect=self._effect(name)) for name, gain in promised.items()]
-        force = self.forces.get(len(candidate.random_forces))
-        return replace(stage, proposals=(*proposals, *([force] if force else []))), known or {}
-
-    def tried(self, stage: Stage, proposals: Sequence[Proposal]) -> list[Trial]:
-        return [
-            Trial(one, replace(stage.fitted, candidate=one.added_to(stage.fitted.candidate), cost=self.costs[one.name]))
-            for one in proposals
-        ]
-
-    def shaking(self, stage: Stage, frequency: float) -> tuple[Proposal, ...]:
-        line = self.line
-        known = line is None or line.random_force in stage.fitted.candidate.random_forces
-        if line is None or line.random_force is None or known or not is_about(frequency, line.random_force.frequency):
-            return ()
-        return (line,)
-
-    def settled(self, trial: Trial, before: Stage) -> Trial:  # noqa: ARG002 - of the protocol
-        return trial
-
-    def force(self, fitted: Fit) -> float:
-        return float(np.sqrt(fitted.cost))
-
-    def deviance(self, fitted: Fit) -> float:
-        return fitted.cost
-
-    def periods(self, effect: Effect) -> float:
-        return self.travel / effect.pitch if isinstance(effect, Cogging) else float("inf")
-
-    def _effect(self, name: str) -> Effect:
-        return self.effects.get(name, every()[name].typical())
+from models.effects.catalogue import every
+from models.effects.friction_laws import DirectionalFriction, DwellBreakaway
+from models.effects.motor import Cogging
+from models.effects.structure import AdditionalMode
+from tests.diagnosis.which.planned import CRITERIA, MACHINE, START, Planned, leaving
 
 
 def _searched(
@@ -104,7 +29,7 @@ def _searched(
     forces: Mapping[int, Proposal] | None = None,
 ) -> list[list[str]]:
     """Names in the model at each stage."""
-    stages = grown(_fit(START, own=own), Planned(promises, costs, effects or {}, forces or {}))
+    stages = grown(leaving(START, own=own), Planned(promises, costs, effects or {}, forces or {}))
     assert [stage.added is None for stage in stages] == [i == 0 for i in range(len(stages))]
     return [[effect.name for effect in stage.fitted.candidate.added_effects] for stage in stages]
 
@@ -117,7 +42,7 @@ def test_an_effect_whose_fit_gains_nothing_makes_room_for_the_next() -> None:
 def test_of_those_tried_the_one_that_leaves_least_is_kept_and_the_others_are_its_rivals() -> None:
     promises = {0: {"play": 900.0, "cogging": 800.0, "stribeck": 700.0, "cable_spring": 600.0}}
     costs = {"play": 1200.0, "cogging": 1100.0, "stribeck": 1300.0}
-    stages = grown(_fit(START), Planned(promises, costs, {}, {}))
+    stages = grown(leaving(START), Planned(promises, costs, {}, {}))
     assert stages[-1].added == "cogging"
     assert stages[-1].rivals == (("cogging", 1100.0), ("play", 1200.0), ("stribeck", 1300.0))
 
@@ -127,7 +52,7 @@ def test_a_law_that_has_nothing_but_its_amplitude_has_one_member() -> None:
     promises = {0: {"viscous_friction": 900.0}, 1: {"viscous_friction": 800.0}}
     assert _searched(promises, {"viscous_friction": 1000.0}) == [[], ["viscous_friction"]]
     ripples = {0: {"thrust_ripple": 900.0}, 1: {"thrust_ripple": 800.0}}
-    stages = grown(_fit(START), Falling(ripples, {}, {}, {}))
+    stages = grown(leaving(START), Falling(ripples, {}, {}, {}))
     assert [stage.added for stage in stages] == [None, "thrust_ripple", "thrust_ripple"]
 
 
@@ -152,9 +77,9 @@ def test_a_rival_near_in_chi_square_that_leaves_no_more_force_is_one_by_force() 
     """Of a worm's friction that varies once a turn, a torque ripple had 12 % more of the gain and left more force."""
     promises = {0: {"play": 900.0, "cogging": 800.0, "stribeck": 700.0}}
     costs = {"play": 1150.0, "cogging": 1000.0, "stribeck": 1250.0}  # 0.15 and 0.25 of the gain apart
-    stages = grown(_fit(START), Forceful(promises, costs, {}, {}))
+    stages = grown(leaving(START), Forceful(promises, costs, {}, {}))
     assert (stages[-1].added, stages[-1].by_force) == ("cogging", ("play",))
-    assert grown(_fit(START), Planned(promises, costs, {}, {}))[-1].by_force == ()
+    assert grown(leaving(START), Planned(promises, costs, {}, {}))[-1].by_force == ()
 
 
 @dataclass(frozen=True)
@@ -186,7 +111,7 @@ def test_what_gains_over_all_motions_alone_is_fitted_and_has_to_take_off_half(
     """A drift of 4 um/s, which moved the contacts itself, was in truth all that was left; it had no name."""
     promises = {0: {"directional_friction": 900.0, "scale_drift": -250.0}}
     costs = {"directional_friction": 1200.0, "scale_drift": cost}
-    start = replace(_fit(START), innovations=np.full(3, (START / 3) ** 0.5))
+    start = replace(leaving(START), innovations=np.full(3, (START / 3) ** 0.5))
     stages = grown(start, Overlooking(promises, costs, {}, {}, in_sample=in_sample))
     assert stages[1].added == found
     assert grown(start, Planned(promises, costs, {}, {}))[1].added == "directional_friction"
@@ -210,7 +135,7 @@ def test_what_gained_nothing_beside_few_effects_is_looked_at_again_while_somethi
     """A cogging of the pitch of a ripple gained nothing before the ripple was in the model, and most of it then."""
     promises = {0: {"stribeck": 900.0, "cogging": 0.0}, 1: {"play": 800.0, "cogging": 0.0}, 2: {"cogging": 700.0}}
     costs = {"stribeck": 1500.0, "play": 1000.0, "cogging": 100.0}
-    begin = replace(_fit(START), innovations=np.full(3, left))
+    begin = replace(leaving(START), innovations=np.full(3, left))
     stages = grown(begin, Hasty(promises, costs, {}, {}))
     assert sorted(effect.name for effect in stages[-1].fitted.candidate.added_effects) == found
 
@@ -256,10 +181,10 @@ def test_a_law_within_its_range_goes_before_one_at_its_bounds(factor: float, kep
     gain, bent = 500.0, Cogging(1.0, 9.0, 0.0)
     costs = {"friction_drift": START - gain, "cogging": START - gain * factor * CRITERIA.min_ratio_at_bound}
     promises = {0: {"friction_drift": 900.0, "cogging": 800.0}}
-    stages = grown(_fit(START), Planned(promises, costs, {"cogging": bent}, {}))
+    stages = grown(leaving(START), Planned(promises, costs, {"cogging": bent}, {}))
     assert [stage.added for stage in stages] == [None, kept]
     assert [name for name, _ in stages[-1].rivals] == [kept, *(["friction_drift"] if kept == "cogging" else [])]
-    alone = grown(_fit(START), Planned({0: {"cogging": 800.0}}, costs, {"cogging": bent}, {}))
+    alone = grown(leaving(START), Planned({0: {"cogging": 800.0}}, costs, {"cogging": bent}, {}))
     assert alone[-1].added == "cogging"
 
 
@@ -289,70 +214,8 @@ def test_a_law_of_the_rest_may_have_a_time_at_its_bound_where_it_takes_off_the_f
     assert parameters_at_bounds(second, MACHINE.priors)
     costs = {"play": 1000.0, second.name: 1000.0 - 0.5 * (START - 1000.0) * CRITERIA.min_gain_at_bound}
     promises = {0: {"play": 900.0}, 1: {second.name: 400.0}}
-    stages = grown(_fit(START), Forced(promises, costs, {second.name: second}, {}, left=left))
+    stages = grown(leaving(START), Forced(promises, costs, {second.name: second}, {}, left=left))
     assert (second.name in {one.name for one in stages[-1].fitted.candidate.added_effects}) == found
-
-
-@pytest.mark.parametrize(
-    ("members", "opposed"),  # the first may be the machine file's own
-    [
-        ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(0.1, 6e-5, 1)], True),
-        ([DirectionalFriction(-0.3, 5e-6, 0), DirectionalFriction(-0.1, 6e-5, 1)], False),
-        ([DirectionalFriction(-0.3, 5e-6, 0), Cogging(1.0, 0.03, 0.0), Cogging(0.5, 0.02, 0.0)], False),
-        ([DirectionalFriction(-0.3, 5e-6, 0), FrictionDrift(1e-3)], False),  # of different classes
-        ([AdditionalMode(2e-3, 180.0, 0.02), AdditionalMode(-2e-3, 330.0, 0.02)], False),  # far apart
-        ([AdditionalMode(2e-3, 180.0, 0.02), AdditionalMode(-2e-3, 190.0, 0.02)], True),
-    ],
-)
-@pytest.mark.parametrize("owned", [0, 1])
-def test_members_of_one_class_that_take_from_each_other_are_the_form_of_one(
-    members: list[Effect], opposed: bool, owned: int
-) -> None:
-    own, effects = members[:owned], members[owned:]
-    name = members[-1].name
-    trial = Trial(Proposal(name, 1.0, 1.0), _fit(0.0, effects, own))
-    search = Planned({}, {}, {}, {})
-    assert inadmissible([trial], [Stage(_fit(START, own=own))], search) == ({name} if opposed else set())
-
-
-@pytest.mark.parametrize(("part", "possible"), [(0.9, True), (1.02, False)])
-def test_an_effect_larger_than_any_can_be_mends_the_form_of_another(part: float, possible: bool) -> None:
-    """A ripple of 102 % of the thrust had stood beside a Stribeck curve of another form."""
-    trial = Trial(Proposal("thrust_ripple", 1.0, 1.0), _fit(0.0, [ThrustRipple(part, 0.03, 1.0)], []))
-    search = Planned({}, {}, {}, {})
-    assert inadmissible([trial], [Stage(_fit(START))], search) == (set() if possible else {"thrust_ripple"})
-
-
-@pytest.mark.parametrize(("gain", "possible"), [(2.5e-3, True), (-2.6e-4, False)])
-def test_an_effect_of_a_sign_that_none_has_is_the_form_of_another(gain: float, possible: bool) -> None:
-    """A page told a second friction-driven mode of negative gain, which its file held as none."""
-    members = [FrictionDrivenMode(2.5e-3, 62.0, 0.02), FrictionDrivenMode(gain, 180.0, 0.02)]
-    trial = Trial(Proposal(FrictionDrivenMode.name, 1.0, 1.0), _fit(0.0, members))
-    found = inadmissible([trial], [Stage(_fit(START)), Stage(_fit(0.8 * START, members[:1]))], Planned({}, {}, {}, {}))
-    assert found == (set() if possible else {FrictionDrivenMode.name})
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "draws"),  # pitches [of the travel]
-    [
-        ([0.1], [0.1, 0.8], True),
-        ([0.1], [0.1, 0.4], False),
-        ([0.8], [0.8, 0.1], False),  # the first one repeats no more than the travel shows either
-        ([], [0.8], False),
-    ],
-)
-@pytest.mark.parametrize("owned", [False, True])  # those before, by the machine file
-def test_a_further_member_has_to_repeat_within_the_travel(
-    before: list[float], after: list[float], draws: bool, owned: bool
-) -> None:
-    """Beside friction along the guide of 12 mm, injected into a measured drive, a second member of 154 mm along 0.2 m
-    took off 288 of chi-square, and with it four right names, as nothing tells the form of such a member."""
-    search = Planned({}, {}, {}, {})
-    first, last = ([Cogging(1.0, search.travel * pitch, 0.0) for pitch in pitches] for pitches in (before, after))
-    made = _fit(0.0, last[len(first) :], first) if owned else _fit(0.0, last)
-    here = _fit(0.8 * START, (), first) if owned else _fit(0.8 * START, first)
-    found = inadmissible([Trial(Proposal("cogging", 1.0, 1.0), made)], [Stage(_fit(START)), Stage(here)], search)
-    assert found == ({"cogging"} if draws else set())
 
 
 def test_such_a_member_is_put_aside_and_the_search_goes_on() -> None:
@@ -373,7 +236,7 @@ def _force(gain: float) -> Proposal:
 def test_a_random_force_goes_first_unless_an_effect_gains_far_more(gain: float, first: bool) -> None:
     """And whatever its chi-square: what two filters leave cannot be compared."""
     costs = {"floor_vibration": START + 50.0, "cogging": 1000.0}
-    stages = grown(_fit(START), Planned({0: {"cogging": 1000.0}}, costs, {}, {0: _force(gain)}))
+    stages = grown(leaving(START), Planned({0: {"cogging": 1000.0}}, costs, {}, {0: _force(gain)}))
     assert next(stage.added for stage in stages[1:]) == ("floor_vibration" if first else "cogging")
     assert {stage.added for stage in stages[1:]} == {"floor_vibration", "cogging"}
     assert len(stages[-1].fitted.candidate.random_forces) == 1
@@ -395,7 +258,7 @@ def test_a_mode_goes_before_the_random_force_that_stands_in_for_it(
     mode = AdditionalMode(1e-3, frequency, 0.02)
     costs = {"floor_vibration": START - 300.0, "additional_mode": START - by_mode}
     plan = Planned({0: {"additional_mode": gain}}, costs, {"additional_mode": mode}, {0: _force(300.0)})
-    stages = grown(_fit(START), plan)
+    stages = grown(leaving(START), plan)
     assert stages[1].added == ("additional_mode" if first else "floor_vibration")
 
 
@@ -414,7 +277,7 @@ def test_a_mode_competes_with_what_shakes_the_axis_about_its_frequency(
     mode = AdditionalMode(1e-3, frequency, 0.02)
     costs = {"floor_vibration": START - by_line, "additional_mode": START - 300.0}
     plan = Planned({0: {"additional_mode": 300.0}}, costs, {"additional_mode": mode}, {}, line=_force(300.0))
-    assert grown(_fit(START), plan)[1].added == name
+    assert grown(leaving(START), plan)[1].added == name
 
 
 def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wrong_by() -> None:
@@ -428,7 +291,7 @@ def test_a_further_effect_has_to_gain_more_than_the_form_of_the_first_may_be_wro
 @pytest.mark.parametrize("gain", [0.99, 1.01])
 def test_an_effect_has_to_gain_more_than_chance_does(gain: float) -> None:
     search = Planned({0: {"cogging": gain * 300.0}}, {"cogging": 1000.0}, {}, {}, threshold=300.0)
-    assert len(grown(_fit(START), search)) == (2 if gain > 1 else 1)
+    assert len(grown(leaving(START), search)) == (2 if gain > 1 else 1)
 
 
 @pytest.mark.parametrize(
@@ -457,4 +320,4 @@ def test_alone_such_a_force_has_to_gain_as_much_as_any_and_few_are_tried_for_it(
     assert _searched({0: {"play": 900.0}, 1: slow}, costs) == [[], ["play"]]  # a fourth has no cost to look up
     costs = {"friction_drift": START - 50.0}
     large = Planned({0: {"friction_drift": 50.0}}, costs, {}, {}, threshold=60.0)
-    assert len(grown(_fit(START), large)) == 1
+    assert len(grown(leaving(START), large)) == 1
