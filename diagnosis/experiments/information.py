@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.experiments.confusability import distances, products
+from diagnosis.experiments.menu import Experiment
 from diagnosis.experiments.propose import virtual
-from diagnosis.experiments.schedules import Experiment
 from diagnosis.model.fit import Fit
 from diagnosis.model.parallel import on_single_blas_thread, parallel_map
 from diagnosis.records.units import with_units

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
 from diagnosis.experiments.confusability import distances, products
-from diagnosis.experiments.schedules import Experiment, Schedule, menu, together
+from diagnosis.experiments.menu import Experiment, menu
+from diagnosis.experiments.schedules import Schedule, together
 from diagnosis.model.fit import Fit, fit
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate

@@ -1,6 +1,6 @@
 """Experiments for a machine that states how far, how fast and with what force it may be driven.
 
-The menu of schedules.py is in the machine's own sizes. Here each experiment is as large as the travel, speed and force
+The menu (menu.py) is in the machine's own sizes. Here each experiment is as large as the travel, speed and force
 allow, and so short that several fit into a minute.
 """
 
@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from diagnosis.experiments import schedules as made
-from diagnosis.experiments.schedules import PEAK_SPEED, Experiment, Move, Schedule, schedule
+from diagnosis.experiments.menu import Experiment
+from diagnosis.experiments.schedules import PEAK_SPEED, Move, Schedule, schedule
 from models.machine import Machine
 from models.quantity import listed, show
 

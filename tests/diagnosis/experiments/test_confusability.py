@@ -20,8 +20,9 @@ from diagnosis.experiments.confusability import (
     products,
     to_json,
 )
+from diagnosis.experiments.menu import menu
 from diagnosis.experiments.propose import along, next_experiment, showing, virtual
-from diagnosis.experiments.schedules import menu, quickest
+from diagnosis.experiments.schedules import quickest
 from diagnosis.model.fit import weights
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate, columns, evaluate

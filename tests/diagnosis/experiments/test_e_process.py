@@ -15,7 +15,8 @@ from diagnosis.baseline import Baseline, refit_and_null
 from diagnosis.experiments import e_process
 from diagnosis.experiments.e_process import SPREAD, TEMPER, EProcess, at_the_priors, log_e_value, predictive
 from diagnosis.experiments.look import Found, Look
-from diagnosis.experiments.schedules import Experiment, strokes
+from diagnosis.experiments.menu import Experiment
+from diagnosis.experiments.schedules import strokes
 from diagnosis.experiments.within_limits import Bounds, experiments
 from diagnosis.model.fit import one_step, weights
 from diagnosis.model.kalman import Resonance

@@ -12,8 +12,9 @@ from diagnosis.experiments import policy
 from diagnosis.experiments.e_process import EProcess
 from diagnosis.experiments.information import ExperimentInformation
 from diagnosis.experiments.look import Found
+from diagnosis.experiments.menu import Experiment
 from diagnosis.experiments.policy import Knowledge, Stop
-from diagnosis.experiments.schedules import Experiment, Move, schedule
+from diagnosis.experiments.schedules import Move, schedule
 from diagnosis.verdict import Outcome
 from models.machine import load
 

@@ -7,8 +7,9 @@ import pytest
 
 from diagnosis.experiments import propose
 from diagnosis.experiments.information import information_of
+from diagnosis.experiments.menu import menu
 from diagnosis.experiments.propose import Proposal, along, next_experiment, showing, virtual
-from diagnosis.experiments.schedules import menu, suite
+from diagnosis.experiments.schedules import suite
 from diagnosis.experiments.within_limits import Bounds, experiments
 from models.machine import load
 from models.records.record import Record

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import hilbert
 
+from diagnosis.experiments.menu import menu
 from diagnosis.experiments.references import FILE_NAMES, LEVELS, axis_references
-from diagnosis.experiments.schedules import menu
 from models.friction import elements
 from models.identification.motion import START, begin
 from models.identification.recognise import recognised

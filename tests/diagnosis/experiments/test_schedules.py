@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.experiments.schedules import PEAK_ACCELERATION, SUITE_SAMPLES, Move, menu, schedule, suite
+from diagnosis.experiments.menu import menu
+from diagnosis.experiments.schedules import PEAK_ACCELERATION, SUITE_SAMPLES, Move, schedule, suite
 from models.machine import DEFAULT, Machine, load
 from studies.gap_diagnosis.options import MOST_SAMPLES
 from tests.models.feedback.axis import CASCADE, axis
