@@ -128,9 +128,12 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
         share, half = min(remains / rms, _share_left(record, other, made, begin)), criteria.replay_remedy
         if share >= half or share >= half * _share_of_rounding(machine, record, begin):
             return replace(plain, tolerance=most, departs=None)
-    # What is mapped to the feedforward and acts otherwise accuses no controller, though another law may do as well.
-    by_law = signal is not None and not signal.mapped and remains <= signal.noise and remains < mended
-    if signal is not None and not by_law and signal.leaves < min(mended, remains / AS_GOOD):
+    # What is mapped to the feedforward and acts otherwise accuses no controller, though another law may do as well. A
+    # feedforward that the log has not is no such law where a column of the log makes the commands.
+    in_column = signal is not None and not signal.mapped and signal.is_all
+    unlogged = in_column and remedy == _unlogged(record, made, begin)[0]
+    by_law = signal is not None and not signal.mapped and remains <= signal.noise and remains < mended and not unlogged
+    if signal is not None and not by_law and signal.leaves < (mended if unlogged else min(mended, remains / AS_GOOD)):
         other = None if signal.is_all else other or structure(record, begin)
         return replace(
             plain, remedy=signal.words, remains=signal.leaves, structure=other, spread=plain.spread, added=signal

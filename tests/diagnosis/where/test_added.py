@@ -96,6 +96,25 @@ def test_of_the_columns_that_are_not_mapped_the_one_that_was_added_is_named(plai
     assert "It is the column 'trq' of the file times 2 N (feedforward = \"trq * 2 N\")" in said
 
 
+@pytest.mark.parametrize("mass", [0.3, 2.0, 30.0])
+def test_a_feedforward_of_the_acceleration_is_told_by_its_column(plain: Record, mass: float) -> None:
+    """On a coarse log a feedforward that the log has not makes the commands to within what is rounded, too; a user
+    whose column was not mapped had read of that alone."""
+    coarse = replace(plain, reference=np.round(plain.reference, 8))
+    speed = np.gradient(plain.reference, plain.sample_time)
+    given = mass * np.gradient(speed, plain.sample_time)
+    driven = replace(coarse, command=coarse.command + given)
+    found = replayed(MACHINE, replace(driven, columns=(Column("I_ff", given / 500.0),)))
+    assert found.replays
+    assert found.added is not None
+    assert found.added.column == "I_ff"
+    assert found.added.gain == pytest.approx(500.0, rel=2e-3)
+    assert 'feedforward = "I_ff * ' in added_in_words(found, found.added, "the record", 1e-3)
+    without = replayed(MACHINE, driven)
+    assert without.remedy is not None
+    assert without.remedy.endswith("kg times the reference's acceleration (the log has none)")
+
+
 def test_pulses_that_no_column_shows_are_told_by_the_replay_alone(plain: Record) -> None:
     given = pulsed(plain, 2.0)
     found = replayed(MACHINE, given)
