@@ -31,7 +31,7 @@ ITERATIONS_OF_A_FORCE: Final = 4  # of a random force, beside which little else 
 
 
 class Search(Protocol):
-    """What the search needs of the records: criteria, the noise floors (draws,) [1], and three things to do."""
+    """What the search needs of the records: criteria, the noise floors (draws,) [1], and what it does."""
 
     @property
     def criteria(self) -> Criteria:

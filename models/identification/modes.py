@@ -21,7 +21,7 @@ from models.identification.estimate import Estimate
 from models.identification.force.fit import SPRING
 from models.identification.modal.fitting import Beside, decoded, left_of, sizes
 from models.identification.modal.foreign import left_out
-from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, chosen
+from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, beside_unseen, chosen
 from models.identification.modal.problem import Problem, Structure, problem_of
 from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
@@ -160,7 +160,7 @@ def _fit(
         mask = used[0].copy()
         mask[mask] = kept
         used, problem = [mask], problem_of(measured, [mask], spring.stiffness)
-    best = found.best
+    best = found.best if found.bent else beside_unseen(problem, found.best, candidates)
     plant, beside = decoded(best.theta, best.structure, problem)
     early, plant = min(plant.dead_time, 0.0), replace(plant, dead_time=max(plant.dead_time, 0.0))
     rigid, *modes = plant.modes

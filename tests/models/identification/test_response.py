@@ -171,7 +171,8 @@ def test_a_log_of_every_second_or_fourth_sample_shows_the_plant_with_its_dead_ti
     measured, fit = gave.measured, gave.fit
     assert measured.frequency[-1] == pytest.approx({2: 400, 4: 100}[every], rel=0.1)
     assert fit.chi_square < 1.5
-    assert abs(fit.plant.dead_time - MACHINE.plant.dead_time) < 4 * fit.estimate.deviation("dead time") < 2e-5
+    most = {2: 2e-5, 4: 3e-5}[every]  # up to 100 Hz a lag in its place is hardly excluded
+    assert abs(fit.plant.dead_time - MACHINE.plant.dead_time) < 4 * fit.estimate.deviation("dead time") < most
     gain = MACHINE.plant.modes[0].gain
     assert abs(fit.plant.modes[0].gain - gain) < 4 * fit.estimate.deviation("rigid body gain") < 0.01 * gain
     assert any("a command is taken to be held for the 500 µs of the controller" in one for one in found.remarks)
