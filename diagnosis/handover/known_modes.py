@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
+FIXED: Final = 1e-3  # of a stated deviation: within it a value that is held stays
+
 
 def with_known_modes(found: Finished, baseline: Baseline) -> Finished:
     """The fit behind a file with its modes as well known as the file states, where it moved one of them far from where
@@ -31,12 +34,20 @@ def with_known_modes(found: Finished, baseline: Baseline) -> Finished:
     layout = found.candidate.layout
     deviation = modes_as_stated(layout)
     known = deviation < layout.deviation
-    moved = float(np.max(np.abs(found.candidate.theta[known]) / deviation[known], initial=0.0))
+    moved = _farthest(found, known, deviation)
     if moved <= OVERRUN:
         return found
-    held = replace(_held(found, known, deviation, baseline.records), modes_kept=moved)
+    held = _held(found, known, deviation, baseline.records)
+    if _farthest(held, known, deviation) > OVERRUN:  # a rough record outweighs what the file states
+        held = _held(found, known, np.where(known, FIXED, 1.0) * deviation, baseline.records)
+    held = replace(held, modes_kept=moved)
     free, kept = (with_fit(Content.REFITTED, one, baseline) for one in (found, held))
     return found if outweighs(free, kept) else held
+
+
+def _farthest(found: Finished, known: NDArray[np.bool_], deviation: Array) -> float:
+    """By how many of these deviations (P,) a fit moved the value that it moved the most of those known (P,) [1]."""
+    return float(np.max(np.abs(found.candidate.theta[known]) / deviation[known], initial=0.0))
 
 
 def _held(found: Finished, known: NDArray[np.bool_], deviation: Array, records: Sequence[Record]) -> Finished:

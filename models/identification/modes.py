@@ -21,7 +21,15 @@ from models.identification.estimate import Estimate
 from models.identification.force.fit import SPRING
 from models.identification.modal.fitting import Beside, decoded, left_of, sizes
 from models.identification.modal.foreign import left_out
-from models.identification.modal.order import HEAVY, Candidate, Chosen, Order, beside_unseen, chosen
+from models.identification.modal.order import (
+    HEAVY,
+    MAX_MODE_GAIN_RATIO,
+    Candidate,
+    Chosen,
+    Order,
+    beside_unseen,
+    chosen,
+)
 from models.identification.modal.problem import Problem, Structure, problem_of
 from models.identification.modal.transfer import Array, Complex, response
 from models.identification.response import FrequencyResponse
@@ -88,8 +96,8 @@ def fit(measured: FrequencyResponse, *, count: int | None = None, spring: Spring
     count: so many modes, whatever the response shows. spring: to ground, as known.
     Low lines that rolling friction bends are left out: the lowest line used is raised by third octaves until the lowest
     octave left fits as well as the rest (its reduced chi-square at most 3 times that of the rest, or 1) and every mode
-    is one of the structure: above that line, damped by less than 0.2, its gain below the rigid body's. A record that
-    rolled throughout (`measured.rolling`) has no such lines.
+    is one of the structure: above that line, damped by less than 0.2, its gain below ten times the rigid body's, as
+    seen from the motor of a light rotor. A record that rolled throughout (`measured.rolling`) has no such lines.
     Raises ValueError for fewer than 12 lines [Hz], an UnusableError where the whole response is bent.
     """
     f = measured.frequency
@@ -185,7 +193,8 @@ def _fits_low(measured: FrequencyResponse, found: Fit, lowest: float) -> bool:
     level = max(1.0, rest) if known else max(rest, 1e-6)
     rigid, *modes = found.plant.modes
     structural = all(
-        mode.frequency > 1.1 * lowest and mode.damping < HEAVY and abs(mode.gain) < rigid.gain for mode in modes
+        mode.frequency > 1.1 * lowest and mode.damping < HEAVY and abs(mode.gain) < MAX_MODE_GAIN_RATIO * rigid.gain
+        for mode in modes
     )
     return structural and (known or rest < POOR) and bool(np.mean(size[low]) < 3 * level)
 

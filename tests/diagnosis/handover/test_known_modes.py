@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 
 from diagnosis.baseline import Baseline
 from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.handover import known_modes
 from diagnosis.handover.final_fit import Finished, finished
 from diagnosis.handover.known_modes import with_known_modes
 from diagnosis.handover.overrun import OVERRUN
+from diagnosis.model.fit import Fit
 from diagnosis.model.parameters import modes_as_stated, parameters
 from diagnosis.null import Null
 from diagnosis.records.motions import pieces
@@ -20,6 +23,7 @@ from diagnosis.refit import refit_within
 from models.effects.base import Effect
 from models.effects.friction_laws import FrictionRelaxation, Stribeck
 from models.machine import Machine, Provenance
+from models.records.record import Record
 from tests.diagnosis.tables import recorded, table
 
 FINE = replace(table(), scale=replace(table().scale, resolution=5e-9, noise=3e-9))
@@ -60,6 +64,27 @@ def test_modes_do_not_make_up_for_a_friction_that_the_model_lacks() -> None:
     alone, kept = files(FINE, (Stribeck(0.12, 2e-3), FrictionRelaxation(0.1, 0.3, 0)))
     assert off(alone) > OVERRUN
     assert off(kept) < 1.0
+    assert kept.modes_kept == pytest.approx(off(alone))
+
+
+def test_modes_that_a_rough_record_moves_all_the_same_are_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user's belt axis: 36.10 +- 0.24 Hz had become 24.2 Hz under "the modes are as the machine file knows them", as
+    the records outweighed the deviations that it states."""
+
+    def stubborn(given: Fit, records: Sequence[Record]) -> Finished:
+        tight = np.min(given.candidate.layout.deviation / modes_as_stated(alone.candidate.layout)) < 0.1
+        return finished(given, records) if tight else alone
+
+    records = recorded(FINE, PLAN, (Stribeck(0.12, 2e-3), FrictionRelaxation(0.1, 0.3, 0)), seed=4, wrong=0.0)
+    machine = with_units(stating(FINE), records)
+    base = Baseline(
+        refit_within(machine, records), records, pieces(records, loop_time(machine)), Null({}, ((0.9,),), (4.0,))
+    )
+    alone = finished(base.nominal, records)
+    monkeypatch.setattr(known_modes, "finished", stubborn)
+    kept = with_known_modes(alone, base)
+    assert off(alone) > OVERRUN
+    assert off(kept) < 0.01
     assert kept.modes_kept == pytest.approx(off(alone))
 
 

@@ -85,6 +85,16 @@ def test_deviations_allow_for_a_lag_that_is_not_worth_its_parameter() -> None:
     assert min(none.values()) > 0.5
 
 
+@pytest.mark.parametrize("ratio", [-1.0, 0.5, 1.5, 2.8])
+def test_a_mode_that_is_larger_than_the_rigid_body_leaves_the_low_lines_of_use(ratio: float) -> None:
+    """The motor of a belt axis sees a mode of m2/m1 times the rigid body's gain, the carriage over the rotor: no line
+    of such a response was taken, with "friction bends the whole response", which has none."""
+    belt = replace(AXIS, lag=0.0, drag=0.0, gain=np.array([ratio / 12.0]), frequency=np.array([38.0]))
+    fit = modes.fit(measured(belt, 1, rolling=False))
+    assert np.all(fit.used)
+    assert fit.estimate.value("mode 2 gain") == pytest.approx(ratio / 12.0, rel=2e-3)
+
+
 def test_an_order_that_loses_its_modes_with_what_is_none_gives_way_to_one_that_has_them() -> None:
     """A multisine on a telescope in the wind: the order with the best criterion had five modes, none of them seen
     beside the others, and without these a rigid body was left, where two modes alone were as good as none better."""
