@@ -5,6 +5,7 @@ No model of the axis does so while its own loop is stable, so that what a fit ma
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -23,6 +24,7 @@ IN_ONE_LINE: Final = 0.8  # of the energy, which a swing has within LINE bins of
 LINE: Final = 2  # bins, of a periodogram with Hann's window, whose own line is that wide
 KEPT: Final = 0.7  # of its amplitude, which a swing keeps from the first half of what is looked at to the second
 SEEN: Final = 5.0  # deviations of the scale's reading, from which on a swing's deviation is more than noise
+OFTEN_LOOKED: Final = 4  # rests, from which on a record shows that the axis does not swing
 OFTEN: Final = 0.25  # of the rests that are long enough to show one
 WORTH: Final = 0.1  # of the tolerance, from which on a swing's amplitude matters to what the axis is for
 LEAST_SAMPLES: Final = 4 * LEAST_PERIODS  # of what is looked at of a rest, so that LEAST_PERIODS can be in it
@@ -53,19 +55,24 @@ def swing_at_rest(record: Record, machine: Machine) -> Swing | None:
     """The swing of a record's rests, of which the last half is looked at; None where fewer than OFTEN have one, and for
     one that is in the scale's noise or too small for the specification to notice."""
     noise = 2**0.5 * SEEN * machine.scale.noisy().reading_deviation
-    least, looked, found = max(noise, WORTH * machine.specification.tolerance), 0, list[tuple[float, float]]()
-    for start, stop in _rests(record):
-        part = record.position[(start + stop) // 2 : stop]
-        if part.size < LEAST_SAMPLES:
-            continue
-        looked += 1
-        one = _line(part, record.sample_time)
-        if one is not None and one[1] >= least:
-            found.append(one)
-    if not found or len(found) < OFTEN * looked:
+    least, parts = max(noise, WORTH * machine.specification.tolerance), list(_ends_of_rests(record))
+    lines = [_line(part, record.sample_time) for part in parts]
+    found = [one for one in lines if one is not None and one[1] >= least]
+    if not found or len(found) < OFTEN * len(parts):
         return None
     frequency, amplitude = np.median(np.array(found), axis=0)
-    return Swing(float(frequency), float(amplitude), len(found), looked)
+    return Swing(float(frequency), float(amplitude), len(found), len(parts))
+
+
+def is_quiet(record: Record, machine: Machine) -> bool:
+    """Whether a record has OFTEN_LOOKED rests or more that are long enough to show a swing, and none does."""
+    return sum(1 for _ in _ends_of_rests(record)) >= OFTEN_LOOKED and swing_at_rest(record, machine) is None
+
+
+def _ends_of_rests(record: Record) -> Iterator[Array]:
+    """The positions (n,) [m] of the last half of each rest that is long enough."""
+    halves = (record.position[(start + stop) // 2 : stop] for start, stop in _rests(record))
+    return (half for half in halves if half.size >= LEAST_SAMPLES)
 
 
 def _rests(record: Record) -> list[tuple[int, int]]:

@@ -139,7 +139,7 @@ def answered(
     adopted = [effect.name for effect in better.effects]
     told: dict[str, Any] = {"verdict": verdict, "asked": looks, "stated_effects": stated_effects(given.machine, better)}
     told["adopted"], told["common_factor"] = adopted, common_factor(given.machine, better)
-    told |= _sticking(given.machine)
+    told |= _sticking(given.machine, given.records)
     told["at_random"] = bool(found.how_far.handover.adopted.judged.candidate.random_forces)
     rated = given.machine.drive.rated_thrust
     taken = {one.name: one.at_rating(rated) for one in found.final.candidate.added_effects}
@@ -167,9 +167,10 @@ def answered(
     return found, Answer(results, tuple(_checks(found, given)), written, summary)
 
 
-def _sticking(machine: Machine) -> dict[str, Any]:
-    """What `found_in` says of a machine, with what it means for a diagnosis behind the cause."""
-    return {name: {**found, "cause": f"{found['cause']}. {OF_NO_AXIS}"} for name, found in found_in(machine).items()}
+def _sticking(machine: Machine, records: Sequence[Record]) -> dict[str, Any]:
+    """What `found_in` says of a machine and these records, with what it means for a diagnosis behind the cause."""
+    shown = found_in(machine, records=records)
+    return {name: {**found, "cause": f"{found['cause']}. {OF_NO_AXIS}"} for name, found in shown.items()}
 
 
 def _with_its_name(why: str, shown: Sequence[Mapping[str, Any]]) -> str:

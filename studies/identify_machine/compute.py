@@ -76,7 +76,7 @@ def compute(machine: Machine, options: IdentificationOptions, progress: Progress
             *found.remarks,
         ],
         "sure": SIGNIFICANT_STDS,
-        **found_in(found.machine),
+        **found_in(found.machine, records=[one for _, one in _motions(given)] if options.record else ()),
     }
     if not options.record:
         tables = min(options.tables, QUICK_TABLES) if options.quick else options.tables
@@ -121,14 +121,18 @@ def _with_range(machine: Machine, given: Sequence[tuple[str, Loaded]], options: 
 
 
 def _swinging(machine: Machine, given: Sequence[tuple[str, Loaded]]) -> list[tuple[str, str]]:
-    """The motion records whose axis swings at rest, by name, and how; others may be excited by what no column holds."""
-    motions = [
+    """The motion records whose axis swings at rest, by name, and how."""
+    found = [(name, swing_at_rest(content, machine)) for name, content in _motions(given)]
+    return [(name, f"the axis {swing}") for name, swing in found if swing is not None]
+
+
+def _motions(given: Sequence[tuple[str, Loaded]]) -> list[tuple[str, Record]]:
+    """The motion records by name; others may be excited by what no column holds."""
+    return [
         (Path(one.name).name, one.content)
         for kind, one in given
         if kind == "motion" and isinstance(one.content, Record)
     ]
-    found = [(name, swing_at_rest(content, machine)) for name, content in motions]
-    return [(name, f"the axis {swing}") for name, swing in found if swing is not None]
 
 
 def _loaded(machine: Machine, options: IdentificationOptions, progress: Progress) -> list[tuple[str, Loaded]]:

@@ -8,10 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from design.validation import sequence
 from models.machine import load
 from models.machine_file import to_toml
+from models.simulation.simulator import simulate
 from reports.text import fill
 from studies.catalogue import every
 from studies.command import CHECK_MISSED, DONE, main
@@ -19,7 +22,7 @@ from studies.deadbeat_design.__main__ import STUDY as DEADBEAT
 from studies.export.__main__ import STUDY as EXPORT
 from studies.export.compute import NEVER
 from studies.gap_diagnosis.compute import _sticking
-from studies.sticking import found_in
+from studies.sticking import QUIET, found_in
 from studies.study import Study
 from tests.design.machines import far_side
 
@@ -82,7 +85,7 @@ def test_what_is_told_of_such_a_machine_begins_with_it(name: str, quick_run: Cal
     study = every()[name]
     assert "while the friction sticks" not in _page(study, whole)
     machine = far_side(load())
-    found = _sticking(machine) if name == "gap_diagnosis" else found_in(machine)
+    found = _sticking(machine, ()) if name == "gap_diagnosis" else found_in(machine)
     whole["results"] |= found
     page = _page(study, whole)
     assert "loop is unstable: against a slope of 2160 N/mm it swings at 33 Hz" in page
@@ -94,3 +97,15 @@ def _page(study: Study, whole: dict[str, Any]) -> str:
     captions = {figure.name: figure.caption for figure in report.figures}
     filled = fill(report.template, whole, captions, report.filters)
     return " ".join(filled.replace("\\", "").replace("\u00a0", " ").replace("\u2060", "").split())
+
+
+def test_that_the_axis_itself_is_quiet_is_told_where_its_records_show_it() -> None:
+    """A user's axis did not swing, whose model did: its friction damps what sticks, which no page had said."""
+    machine, quiet = far_side(load()), load()
+    target = sequence(quiet, None, 1)
+    record = simulate(quiet, quiet.feedback_only(), target).record
+    assert QUIET in found_in(machine, records=[record])["sticking"]["advice"]
+    swing = 3e-6 * np.sin(2 * np.pi * 180 * record.sample_time * np.arange(target.size))
+    swinging = replace(record, position=record.position + swing)
+    for records in ([], [swinging], [record, swinging]):
+        assert QUIET not in found_in(machine, records=records)["sticking"]["advice"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from design.loop import dominant_pole
-from diagnosis.records.at_rest import LEAST_PERIODS, swing_at_rest
+from diagnosis.records.at_rest import LEAST_PERIODS, is_quiet, swing_at_rest
 from models.controller import PID
 from models.friction import Friction
 from models.machine import Machine, load
@@ -80,6 +80,14 @@ def test_a_swing_that_the_specification_does_not_notice_is_not_told() -> None:
     assert swing_at_rest(small, fine) is None
     narrow = replace(fine, specification=replace(fine.specification, tolerance=0.1 * fine.specification.tolerance))
     assert swing_at_rest(small, narrow) is not None
+
+
+def test_a_record_is_quiet_only_where_it_has_rests_that_would_show_a_swing() -> None:
+    still, swinging = record(np.zeros(RESTS * LONG)), record(swing(200.0, 3e-6))
+    assert is_quiet(still, MACHINE)
+    assert not is_quiet(swinging, MACHINE)
+    moving = replace(still, reference=still.reference + 1e-9 * np.arange(RESTS * LONG))
+    assert not is_quiet(moving, MACHINE)
 
 
 def test_what_is_excited_is_not_at_rest() -> None:
