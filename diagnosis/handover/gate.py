@@ -159,10 +159,11 @@ def chosen(files: Sequence[File], fallback: Callable[[], File] | None = None, *,
 
 def is_believed(file: File, baseline: Baseline) -> bool:
     """Whether a file has no value far from where it was that the re-fit would move where nothing is wrong, too, and is
-    of commands that acted when the log has them: from others the dead time and all that delays are no machine's."""
+    of a log that is what the file says: from commands that acted at another time the dead time and all that delays are
+    no machine's, and from those in another unit neither is the mass."""
     if file.finished is None:
         return True
-    if any(one.command_late for one in baseline.replays):
+    if any(one.command_late or one.mislogged for one in baseline.replays):
         return False
     layout, theta = file.fitted.candidate.layout, file.fitted.candidate.theta
     own = np.array([CALLED.get(name, name) in baseline.biased for name in layout.names])

@@ -50,6 +50,7 @@ AGAINST: Final = -0.5  # how two neighbouring fourth differences go together, fr
 OFF_STEPS: Final = 0.05  # of a step, from which on differences are no multiples of it
 AT_RATING: Final = 0.02  # of the rated thrust, by which a command may be off it that is cut off by it
 WHOLE: Final = "the whole command"
+POSITION_LOGGED: Final = "the position logged"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
 ONE_FACTOR: Final = 1.02  # between factors of the parts of a controller that count as one of the whole command
@@ -66,6 +67,8 @@ class Replayed:
     or P/PI cascade that leaves least of the commands, whose standard deviation is spread [N], where no such change
     leaves rounding alone. added: the signal that was added behind the controller, where that leaves least.
     command_late: by how many samples the commands were logged late, where that is the remedy; negative: early.
+    mislogged: whether a position logged late or early, or one factor on all commands, leaves no more than the noise of
+    the log: then the log is another one than the file says, or the gains, and what is fitted to it is no machine's.
     """
 
     checked: bool
@@ -80,6 +83,7 @@ class Replayed:
     added: Added | None = None
     every: int = 1
     command_late: int = 0
+    mislogged: bool = False
     why_not: str = ""
 
     @property
@@ -141,7 +145,14 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     best = remedy if remains < mended else None
     if other is None and remains > plain.tolerance:
         other = structure(record, begin)
-    return replace(plain, remedy=best, remains=remains, structure=other, command_late=late if best else 0)
+    mislogged = best is not None and remains <= max(noise, plain.tolerance) and _is_of_the_log(best)
+    late = late if best else 0
+    return replace(plain, remedy=best, remains=remains, structure=other, command_late=late, mislogged=mislogged)
+
+
+def _is_of_the_log(remedy: str) -> bool:
+    """Whether a remedy is another reading of the log and not another law: of the position's time, or of the unit."""
+    return remedy.startswith((f"{WHOLE} times", POSITION_LOGGED))
 
 
 def _best_remedy(machine: Machine, record: Record, begin: int) -> tuple[str, float]:
@@ -313,6 +324,9 @@ def _remedies(record: Record, feedback: Feedback, delay: int, begin: int) -> Ite
     for shift in SHIFTS:
         if shift:
             yield _logged_late(shift), _rms(record, np.roll(made, shift), begin)
+            position = record.position[np.clip(np.arange(record.position.size) + shift, 0, record.position.size - 1)]
+            words = f"{POSITION_LOGGED} {_samples(abs(shift))} {'late' if shift > 0 else 'early'}"
+            yield words, _rms(record, replay(replace(record, position=position), feedback, delay), begin)
         if delay + shift >= 0 and shift:
             yield (
                 f"a reference delay of {_samples(delay + shift)} instead of {delay}",

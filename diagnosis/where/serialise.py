@@ -93,6 +93,7 @@ def _details(where: Where) -> dict[str, Any]:
                 "would_fit": one.remedy,
                 "would_leave_N": one.remains,
                 "command_late_samples": one.command_late,
+                "mislogged": one.mislogged,
                 "other_structure": one.other,
                 "added": _added(one, where.sample_time),
             }

@@ -179,6 +179,11 @@ def _handed_over(results: Results) -> list[str]:
             "so that the fitted dead time is not the machine's. "
             f"{FILES[Content.DELIVERED]}"
         )
+    elif any(one.get("mislogged") for one in results["where"]["details"]["controller"]):
+        told.append(
+            "As the log, or the controller in the file, is not what the file says, nothing that is fitted to it is the "
+            f"machine's. {FILES[Content.DELIVERED]}"
+        )
     elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
         told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
     if results.get("at_random"):

@@ -31,6 +31,7 @@ from diagnosis.records.units import (
 from diagnosis.records.units import noise as reading_noise
 from diagnosis.refit import refit_within, shifts, wrong_values
 from diagnosis.verdict import Outcome
+from diagnosis.where.controller import Replayed
 from models.effects.friction_laws import PositionDependentFriction, ViscousFriction
 from tests.diagnosis.tables import recorded, schedules, short, table
 
@@ -141,3 +142,6 @@ def test_a_file_that_moves_such_a_value_far_is_not_handed_over(tolerances: float
     )
     assert is_believed(file, baseline) == (believed or not biased)
     assert is_believed(replace(file, finished=None), baseline)
+    plain = Replayed(True, 1.0, 1.0, 0.1, 5, "a remedy", 0.0)
+    for log in (replace(plain, command_late=2), replace(plain, mislogged=True)):
+        assert not is_believed(file, replace(baseline, known_replays=(log,)))

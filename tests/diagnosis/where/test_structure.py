@@ -194,6 +194,34 @@ def test_a_reference_that_was_logged_late_is_told() -> None:
     assert found.other is None
 
 
+@pytest.mark.parametrize("shift", [1, -2])
+def test_a_position_that_was_logged_at_another_time_is_told(shift: int) -> None:
+    """A user's log had it one sample late, and a reference delay was blamed beside the acceleration feedforward."""
+    machine = axis(CASCADE)
+    record = recorded(machine)
+    index = np.clip(np.arange(record.position.size) - shift, 0, record.position.size - 1)
+    found = replayed(machine, replace(record, position=record.position[index]))
+    assert not found.replays
+    assert found.remedy == f"the position logged {'1 sample late' if shift > 0 else '2 samples early'}"
+    assert found.remains < 0.01 * found.rms
+    assert found.mislogged
+
+
+@pytest.mark.parametrize("factor", [2**0.5, 2.0])
+def test_commands_in_another_unit_are_a_log_to_be_mended(factor: float) -> None:
+    """Ampere rms that were taken for peaks, whose re-fit had a mass of 17.6 kg for 12.2."""
+    machine = axis(CASCADE)
+    record = recorded(machine)
+    found = replayed(machine, replace(record, command=record.command / factor))
+    assert not found.replays
+    assert found.remedy is not None
+    assert found.remedy.startswith(f"the whole command times {1 / factor:.4g}")
+    assert found.mislogged
+    other = replayed(replace(machine, control=replace(machine.control, reference_delay=3)), record)
+    assert other.remedy is not None
+    assert not other.mislogged, "another law is no fault of the log"
+
+
 def test_a_law_that_takes_longer_to_settle_than_the_samples_that_are_fitted_is_judged_all_the_same() -> None:
     record = recorded(axis(CASCADE), count=4 * MAX_FITTED_SAMPLES)
     part = judged_samples(record, MAX_FITTED_SAMPLES)

@@ -66,7 +66,7 @@ def test_where_an_added_mode_rings_no_random_force_is_proposed(
     assert bool(random_force(view(fitted, begun, (), (), {})).proposals) == proposed
 
 
-@pytest.mark.parametrize(("even", "proposed"), [((-1.5, 0.6), False), ((-0.4, 0.6), True), ((0.0, np.inf), True)])
+@pytest.mark.parametrize(("even", "proposed"), [((-1.5, 0.6), False), ((-0.4, 0.9), True), ((0.0, np.inf), True)])
 def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
     even: tuple[float, float], proposed: bool, begun: Baseline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
