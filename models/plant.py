@@ -165,6 +165,13 @@ def bode(plant: Plant, omega: ArrayLike, stiffness: float = 0.0) -> tuple[Array,
     return np.abs(rational), np.where(angle > math.pi / 18, angle - 2 * math.pi, angle) - w * plant.dead_time
 
 
+def antiresonances(plant: Plant) -> tuple[float, ...]:
+    """The frequencies [Hz] at which the scale stands still and the rest of the structure swings, as it does while
+    friction holds the scale: the zeros of P_l that oscillate, the lowest first."""
+    zeros = np.asarray(state_space(plant).zeros())
+    return tuple(sorted(float(abs(one)) / (2 * math.pi) for one in zeros if one.imag > abs(one.real)))
+
+
 def _rational(plant: Plant, points: ArrayLike, stiffness: float) -> NDArray[np.complex128]:
     """P' or the delay-free part of P_e at complex points [rad/s] (n,) [m/N]."""
     a, b, c = matrices(plant)

@@ -15,7 +15,17 @@ from hypothesis import strategies as st
 from design.deadbeat import polynomials, synthesise
 from design.pid.rules import lambda_rule, simc
 from models.machine import load
-from models.plant import Mode, Plant, bode, delay_split, equations, frequency_response, sampled, state_space
+from models.plant import (
+    Mode,
+    Plant,
+    antiresonances,
+    bode,
+    delay_split,
+    equations,
+    frequency_response,
+    sampled,
+    state_space,
+)
 
 PLANT = load().plant
 TS = 5e-4
@@ -149,3 +159,13 @@ def test_designs_do_not_depend_on_how_the_plant_is_written_down() -> None:
     assert np.allclose(same.thrust, one.thrust, atol=1e-6 * np.max(np.abs(one.thrust)))
     rules = [(simc(plant, TS, 5e-3, 2e-4), lambda_rule(plant, 5e-3, 2e-4)) for plant in (PLANT, other)]
     assert rules[0] == rules[1]
+
+
+@given(st.floats(0.5, 50.0), st.floats(0.5, 50.0), st.floats(5.0, 200.0))
+def test_an_antiresonance_is_where_the_load_swings_alone(motor: float, load: float, held: float) -> None:
+    """Two masses on a spring, as seen from the motor: the load swings while the motor is held, and both, if free, at
+    held * sqrt(1 + m2 / m1). As seen from the load there is none."""
+    mass, free = motor + load, held * math.sqrt(1 + load / motor)
+    seen = Plant(1e-3, 1.0, (Mode(1 / mass, 0.0, 0.0), Mode(load / (motor * mass), free, 1e-4)))
+    assert list(antiresonances(seen)) == pytest.approx([held], rel=1e-3)
+    assert antiresonances(replace(seen, modes=(seen.modes[0], Mode(-1 / mass, free, 0.0)))) == ()

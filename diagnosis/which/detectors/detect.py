@@ -36,6 +36,7 @@ from models.effects.base import parameters
 from models.effects.motor import TimingJitter
 from models.effects.protocol import ControllerMismatch
 from models.effects.structure import FloorVibration
+from models.plant import antiresonances
 
 # Times the largest usual size: where a law is tried that is not linear on the way there.
 NONLINEAR_SIZE_FACTORS: Final = (0.5, 1.5, 5.0)
@@ -131,13 +132,20 @@ def random_force(seen: View, about: float | None = None) -> Detected:
     if seen.fitted.candidate.added_effects and low < criteria.random_force_evenness:
         threshold = max(threshold, criteria.random_force_beside * (seen.baseline.nominal.cost - seen.fitted.cost))
     loses = low + high <= 0  # at rest what it gains in motion, or the other way round
-    if high < criteria.random_force_evenness or loses or found.steady < criteria.random_force_steadiness:
+    if high < _least_evenness(seen, found) or loses or found.steady < criteria.random_force_steadiness:
         return Detected()
     if found.gain - gain_in_time(seen, found) <= threshold:
         return Detected()
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency) or _rings_unnamed(seen, found):
         return Detected()
     return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
+
+
+def _least_evenness(seen: View, found: RandomForce) -> float:
+    """How even a force has to be to be a floor's [1]: more where the structure itself rings on after motions."""
+    criteria, structure = seen.baseline.criteria, antiresonances(seen.baseline.delivered.plant)
+    ringing = any(is_about(found.resonance.frequency, one) for one in structure)
+    return criteria.random_force_evenness_ringing if ringing else criteria.random_force_evenness
 
 
 def _rings(fitted: Fit, frequency: float) -> bool:

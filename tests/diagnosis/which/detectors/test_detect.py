@@ -21,6 +21,7 @@ from models.effects.base import parameters
 from models.effects.motor import Cogging, GainAsymmetry, TimingJitter
 from models.effects.scale import ScaleDrift, ScalePeriodicError
 from models.effects.structure import AdditionalMode
+from models.machine import load
 from tests.diagnosis.tables import nominal_with, recorded, table
 
 
@@ -98,7 +99,11 @@ def test_what_a_mode_that_must_not_be_used_rings_is_no_floor(
     monkeypatch.setattr(detect, "scan", scanned)
     fitted: Any = SimpleNamespace(candidate=SimpleNamespace(added_effects=(), random_forces=()))
     baseline: Any = SimpleNamespace(
-        criteria=Criteria(), thresholds={}, records=(SimpleNamespace(every=1),), machine=SimpleNamespace(kinds=kinds)
+        criteria=Criteria(),
+        thresholds={},
+        records=(SimpleNamespace(every=1),),
+        machine=SimpleNamespace(kinds=kinds),
+        delivered=load(),
     )
     nothing: Any = None
     found = detect.random_force(View(fitted, baseline, nothing, disabled)).proposals

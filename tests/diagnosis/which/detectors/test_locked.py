@@ -19,6 +19,7 @@ from diagnosis.which.detectors import detect
 from diagnosis.which.detectors.detect import catalogue_scan, is_locked, random_force, view
 from diagnosis.which.detectors.random_force import RandomForce
 from models.effects.structure import AdditionalMode, FloorVibration
+from models.plant import antiresonances
 from models.simulation.simulator import simulate
 from tests.diagnosis.slow import leg, moved
 from tests.diagnosis.tables import recorded, short, table
@@ -66,7 +67,7 @@ def test_where_an_added_mode_rings_no_random_force_is_proposed(
     assert bool(random_force(view(fitted, begun, (), (), {})).proposals) == proposed
 
 
-@pytest.mark.parametrize(("even", "proposed"), [((-1.5, 0.6), False), ((-0.4, 0.9), True), ((0.0, np.inf), True)])
+@pytest.mark.parametrize(("even", "proposed"), [((-1.5, 0.6), False), ((-0.4, 0.6), True), ((0.0, np.inf), True)])
 def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
     even: tuple[float, float], proposed: bool, begun: Baseline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,6 +76,21 @@ def test_a_force_that_loses_at_rest_what_it_gains_in_motion_is_no_floor(
     monkeypatch.setattr(detect, "strongest_random_force", lambda *_: found)
     monkeypatch.setattr(detect, "is_locked", lambda *_: False)
     assert bool(random_force(view(begun.nominal, begun, (), (), {})).proposals) == proposed
+
+
+@pytest.mark.parametrize(("ratio", "proposed"), [(0.92, False), (4.0, True)])
+def test_where_the_structure_rings_while_friction_holds_it_a_floor_has_to_be_evener(
+    ratio: float, proposed: bool, begun: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The carriage of a user's belt axis swung on after each motion, at 0.92 of an antiresonance of its file."""
+    lowest = antiresonances(begun.delivered.plant)[0]
+    found = RandomForce(Resonance(ratio * lowest, 0.1, 0.1), 1e4, 1.0, (0.63, 0.75))
+    monkeypatch.setattr(detect, "strongest_random_force", lambda *_: found)
+    monkeypatch.setattr(detect, "is_locked", lambda *_: False)
+    assert bool(random_force(view(begun.nominal, begun, (), (), {})).proposals) == proposed
+    floor = replace(found, even=(0.8, 0.93))
+    monkeypatch.setattr(detect, "strongest_random_force", lambda *_: floor)
+    assert random_force(view(begun.nominal, begun, (), (), {})).proposals
 
 
 @pytest.mark.parametrize(
