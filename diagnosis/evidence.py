@@ -93,7 +93,7 @@ def _evidence(found: Diagnosis, looked: tuple[Where, Confusability], seed: int) 
 def _proposal(found: Diagnosis, lies: Where, apart: Confusability, seed: int) -> Proposal | None:
     candidate, named = found.baseline.nominal.candidate, found.effects
     machine, criteria = candidate.machine, found.baseline.criteria
-    if any(one.command_late or one.mislogged for one in found.baseline.replays):
+    if any(one.is_another_log for one in found.baseline.replays):
         return None  # another record would have the same log
     if found.outcome is Outcome.AMBIGUOUS:
         return next_experiment(

@@ -163,7 +163,7 @@ def is_believed(file: File, baseline: Baseline) -> bool:
     no machine's, and from those in another unit neither is the mass."""
     if file.finished is None:
         return True
-    if any(one.command_late or one.mislogged for one in baseline.replays):
+    if any(one.is_another_log for one in baseline.replays):
         return False
     layout, theta = file.fitted.candidate.layout, file.fitted.candidate.theta
     own = np.array([CALLED.get(name, name) in baseline.biased for name in layout.names])

@@ -68,7 +68,7 @@ class Replayed:
     leaves rounding alone. added: the signal that was added behind the controller, where that leaves least.
     command_late: by how many samples the commands were logged late, where that is the remedy; negative: early.
     mislogged: whether a position logged late or early, or one factor on all commands, leaves no more than the noise of
-    the log: then the log is another one than the file says, or the gains, and what is fitted to it is no machine's.
+    the log: then the log is another one than the file says, or all gains of the controller are.
     """
 
     checked: bool
@@ -85,6 +85,12 @@ class Replayed:
     command_late: int = 0
     mislogged: bool = False
     why_not: str = ""
+
+    @property
+    def is_another_log(self) -> bool:
+        """Whether the log is not what the file says, so that another record would show the same, and what is fitted to
+        it is no machine's."""
+        return self.mislogged or self.command_late != 0
 
     @property
     def other(self) -> str | None:

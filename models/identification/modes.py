@@ -96,8 +96,9 @@ def fit(measured: FrequencyResponse, *, count: int | None = None, spring: Spring
     count: so many modes, whatever the response shows. spring: to ground, as known.
     Low lines that rolling friction bends are left out: the lowest line used is raised by third octaves until the lowest
     octave left fits as well as the rest (its reduced chi-square at most 3 times that of the rest, or 1) and every mode
-    is one of the structure: above that line, damped by less than 0.2, its gain below ten times the rigid body's, as
-    seen from the motor of a light rotor. A record that rolled throughout (`measured.rolling`) has no such lines.
+    is one of the structure: above that line, damped by less than 0.2, its gain below ten times the rigid body's (a
+    light rotor sees the mode of a heavy load larger than that body). A record that rolled throughout
+    (`measured.rolling`) has no such lines.
     Raises ValueError for fewer than 12 lines [Hz], an UnusableError where the whole response is bent.
     """
     f = measured.frequency

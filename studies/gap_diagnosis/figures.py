@@ -21,7 +21,7 @@ Results = Mapping[str, Any]
 MAX_BARS = 12  # effects in a bar chart at most
 DECADES = 300.0  # ratio of an axis' ends from which on only powers of ten are marked
 LIGHT = "#c9dbe8"  # for bands and areas, light enough in print
-LEARNED_LABEL = {"drag": "force on the table per speed", "thrust": "force on the table per thrust"}
+LEARNED_LABEL = {"drag": "drag on the table", "thrust": "part of the thrust"}
 GAPS = (
     ("force_N", force_unit, "unknown force"),
     ("position_m", length_unit, "position"),
