@@ -198,7 +198,8 @@ class Machine:
     @property
     def kinds(self) -> Mapping[str, type[Effect]]:
         """The effects by name that may be in this machine; their ranges: `parameters(kind, machine.priors)` [SI]."""
-        return catalogue.looked_for(self.priors, self.axis, {effect.name for effect in self.effects})
+        has = {effect.name for effect in self.effects}
+        return catalogue.looked_for(self.priors, self.axis, has, self.plant)
 
 
 def load(path: str | Path = DEFAULT) -> Machine:

@@ -124,7 +124,9 @@ def products(fitted: Fit, records: Sequence[Record], names: Sequence[str], *, us
     variants: list[Effect] = []
     machine = fitted.candidate.nominal
     for name in names:
-        for effect in grid(machine.kinds[name], machine.priors)[: 1 if usual_only else None]:
+        kind = machine.kinds[name]
+        shapes = kind.placed(machine.plant) or grid(kind, machine.priors)
+        for effect in shapes[: 1 if usual_only else None]:
             parts = quadratures(effect)
             place.append((name, effect, tuple(range(len(variants), len(variants) + len(parts)))))
             variants += parts

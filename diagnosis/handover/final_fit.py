@@ -20,12 +20,14 @@ from models.records.record import Record
 class Finished:
     """The fit behind a machine file; widened: values that got more room; at_bound: those that are at a bound
     still, or where the first one was; modes_kept: by how many of its stated deviations a fit to these records alone
-    moved the vibration mode that it moved the most, where this one keeps what the file knows of them [1]."""
+    moved the vibration mode that it moved the most, where this one keeps what the file knows of them [1];
+    frequency_alone: that mode's frequency in the file and in that fit [Hz]."""
 
     fitted: Fit
     widened: tuple[AtBound, ...] = ()
     at_bound: tuple[AtBound, ...] = ()
     modes_kept: float = 0.0
+    frequency_alone: tuple[float, float] | None = None
 
     @property
     def candidate(self) -> Candidate:

@@ -143,6 +143,7 @@ class HowFar:
             "adopted_file": adopted.name,
             "without": list(self.handover.without),
             "modes_kept": adopted.finished.modes_kept if adopted.finished else 0.0,
+            "frequency_alone_Hz": adopted.finished.frequency_alone if adopted.finished else None,
             "files": [_file(file) for file in self.handover.files],
             "harms": [_harm(harm) for harm in self.handover.harms],
             "widened": [_bound(one) for one in self.widened],

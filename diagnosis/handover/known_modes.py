@@ -40,7 +40,7 @@ def with_known_modes(found: Finished, baseline: Baseline) -> Finished:
     held = _held(found, known, deviation, baseline.records)
     if _farthest(held, known, deviation) > OVERRUN:  # a rough record outweighs what the file states
         held = _held(found, known, np.where(known, FIXED, 1.0) * deviation, baseline.records)
-    held = replace(held, modes_kept=moved)
+    held = replace(held, modes_kept=moved, frequency_alone=_farthest_mode(found, known, deviation))
     free, kept = (with_fit(Content.REFITTED, one, baseline) for one in (found, held))
     return found if outweighs(free, kept) else held
 
@@ -48,6 +48,15 @@ def with_known_modes(found: Finished, baseline: Baseline) -> Finished:
 def _farthest(found: Finished, known: NDArray[np.bool_], deviation: Array) -> float:
     """By how many of these deviations (P,) a fit moved the value that it moved the most of those known (P,) [1]."""
     return float(np.max(np.abs(found.candidate.theta[known]) / deviation[known], initial=0.0))
+
+
+def _farthest_mode(found: Finished, known: NDArray[np.bool_], deviation: Array) -> tuple[float, float]:
+    """The frequency [Hz] in the file, and in a fit, of the mode of which it moved a known value (P,) the most."""
+    layout, theta = found.candidate.layout, found.candidate.theta
+    farthest = int(np.argmax(np.where(known, np.abs(theta) / deviation, 0.0)))
+    at = int(np.flatnonzero(layout.of(layout.names[farthest]) == farthest)[0])
+    stated = layout.machine.plant.modes[layout.machine.plant.flexible[at]].frequency
+    return stated, float(stated * np.exp(theta[layout.of("mode_frequency")[at]]))
 
 
 def _held(found: Finished, known: NDArray[np.bool_], deviation: Array, records: Sequence[Record]) -> Finished:

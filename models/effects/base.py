@@ -27,7 +27,7 @@ from models.compiled import compiled
 from models.effects.parameter import Parameter, counted, parameter, period, phase, switch
 from models.effects.priors import REFERENCE, USUAL, Priors
 from models.effects.ranges import looked_for, stated, usual_in
-from models.plant import Mode
+from models.plant import Mode, Plant
 from models.quantity import AXES
 
 # With those of parameter.py that a file of one's own effect needs.
@@ -209,6 +209,12 @@ class Effect(ABC):
         sizes = {item.name: item.typical for item in parameters(cls, priors)}
         further = [item.name for item in parameters(cls, priors) if item.role == "amplitude"][1:]
         return cls(**{name: 0.0 if name in further else size for name, size in sizes.items()})
+
+    @classmethod
+    def placed(cls, plant: Plant) -> tuple[Self, ...] | None:
+        """The effect (SI) with the shapes that follow from a plant, tried in place of a grid of them: it needs a plant
+        of which some follow. None: of an effect that may be in any plant."""
+        return None
 
     def off(self) -> Self:
         """The effect with every amplitude and width at 0, which has no effect; shapes, phases and switches stay."""

@@ -12,6 +12,7 @@ from typing import Final
 import models.effects
 from models.effects.base import FAMILIES, Effect, parameters
 from models.effects.priors import USUAL, Priors
+from models.plant import Plant
 from models.quantity import Declaration, declaration
 
 SIZES: Final = ("amplitude", "shape", "period", "width")  # roles whose range a machine may state
@@ -43,13 +44,17 @@ def range_declarations(kind: type[Effect]) -> Mapping[str, Declaration]:
     }
 
 
-def looked_for(priors: Priors = USUAL, axis: str = "linear", has: Collection[str] = ()) -> Mapping[str, type[Effect]]:
+def looked_for(
+    priors: Priors = USUAL, axis: str = "linear", has: Collection[str] = (), plant: Plant | None = None
+) -> Mapping[str, type[Effect]]:
     """The effects by name that may be in a machine with these priors, in their order: the usual ones of its axis, those
-    of which it states sizes [SI], and those that go with the effects that its file says it has."""
+    of which it states sizes [SI], and those that go with the effects that its file says it has; without those that need
+    another plant than its, where that is given."""
     stated = priors.by_effect()
 
     def may_be(name: str, kind: type[Effect]) -> bool:
-        return axis in kind.common_on or name in stated or any(one in kind.beside for one in has)
+        usual = axis in kind.common_on or name in stated or any(one in kind.beside for one in has)
+        return usual and (plant is None or kind.placed(plant) != ())
 
     return {name: kind for name, kind in every().items() if may_be(name, kind)}
 

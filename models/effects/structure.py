@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final, Self
 
-from models.effects.base import Effect, Numbers, Place, T, X, hook
+from models.effects.base import LIMIT, STIFFNESS, Effect, H, Numbers, Place, T, V, X, Z, hook
 from models.effects.parameter import counted, parameter, period, phase
-from models.plant import Mode
+from models.plant import Mode, Plant
+
+# What the hook of friction on the load remembers: whether it has begun; displacement and speed of the load as it would
+# follow the motor without friction, and of the spring as the friction stretches it; where the load was at the last
+# call, the pull of the motor over the load's mass then, and the friction; the displacements of the load's own elements.
+BEGUN, FREE, FREE_SPEED, STRETCH, STRETCH_SPEED, WAS, PULLED, RUBBED, OWN = range(9)
+MOST_RATIO: Final = (
+    10.0  # between the masses of load and motor, where friction on the load differs from that on the motor
+)
+TYPICAL_SHARE: Final = math.sqrt(0.1)  # of the friction on the load
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,100 @@ class FrictionDrivenMode(AdditionalMode):
     source: ClassVar = "Ewins 2000, Modal testing (receptances of two points); sizes assumed: a fifth of 1/M to 9/M"
     friction_drives: ClassVar = True
     gain: float = parameter("1/kg", "modal gain k", 5e-3, 0.2, "amplitude", at_least=0)
+
+
+@hook
+def _on_the_load(value: float, p: Numbers, now: Numbers, memory: Numbers, contact: Numbers) -> float:
+    share, spring, mass, h = p[0], p[1], p[2], now[H]
+    square = spring / mass
+    drag = 2.0 * p[3] * math.sqrt(square)  # over the mass
+    pulled = square * now[X] + drag * now[V]
+    if memory[BEGUN] == 0.0:  # in equilibrium, its contacts as those of the motor
+        memory[BEGUN], memory[FREE], memory[FREE_SPEED] = 1.0, now[X], now[V]
+        rubbed = 0.0
+        for i in range(memory.size - OWN):
+            memory[OWN + i] = contact[Z, i]
+            rubbed += contact[STIFFNESS, i] * contact[Z, i]
+        memory[STRETCH] = share * rubbed / spring
+        memory[WAS] = memory[FREE] - memory[STRETCH]
+    else:  # by the trapezoidal rule, which is stable however stiff the spring and the contacts that stick are
+        half = 0.5 * h * drag + 0.25 * h * h * square
+        before, rate = memory[FREE_SPEED], 0.5 * (pulled + memory[PULLED])
+        memory[FREE_SPEED] = (before * (1.0 - half) + h * (rate - square * memory[FREE])) / (1.0 + half)
+        ahead = 0.5 * h * (before + memory[FREE_SPEED])
+        memory[FREE] += ahead
+        before, sticking = memory[STRETCH_SPEED], 0.0
+        for i in range(memory.size - OWN):
+            onwards = memory[OWN + i] if ahead > h * before else -memory[OWN + i]
+            sticking += contact[STIFFNESS, i] if onwards < contact[LIMIT, i] else 0.0
+        half += 0.25 * h * h * share * sticking / mass
+        rate = share * (memory[RUBBED] + 0.5 * sticking * ahead) / mass
+        memory[STRETCH_SPEED] = (before * (1.0 - half) + h * (rate - square * memory[STRETCH])) / (1.0 + half)
+        memory[STRETCH] += 0.5 * h * (before + memory[STRETCH_SPEED])
+        at = memory[FREE] - memory[STRETCH]
+        moved, rubbed = at - memory[WAS], 0.0
+        memory[WAS] = at
+        for i in range(memory.size - OWN):
+            limit = contact[LIMIT, i]
+            memory[OWN + i] = max(-limit, min(memory[OWN + i] + moved, limit))
+            rubbed += contact[STIFFNESS, i] * memory[OWN + i]
+    memory[PULLED], memory[RUBBED] = pulled, rubbed
+    on_motor = 0.0
+    for i in range(memory.size - OWN):
+        on_motor += contact[STIFFNESS, i] * contact[Z, i]
+    return value - share * on_motor + spring * memory[STRETCH] + mass * drag * memory[STRETCH_SPEED]
+
+
+@dataclass(frozen=True)
+class LoadSideFriction(Effect):
+    """A share of the rolling friction acts on the load, while the thrust and the scale are at the motor, with a spring
+    between: a belt, a screw or a gear with the encoder on the motor.
+
+    Exact for a motor m_1 and a load m on a spring k, whose plant the machine file has: a rigid body of m_1 + m and a
+    mode of a positive gain. The load's contacts go with the load, which stays behind by the way that its friction
+    stretches the spring, and have the motor's limits; their damping, and all other forces, stay on the motor.
+    """
+
+    name: ClassVar = "load_side_friction"
+    family: ClassVar = "structure"
+    coordinate: ClassVar = "friction"
+    parity: ClassVar = "odd"
+    remembers: ClassVar = True
+    equation: ClassVar = (
+        r"F=(1-s)\,f(x)+\frac{c\,p+k}{m\,p^2+c\,p+k}\,s\,f(x_2),\quad "
+        r"x_2=\frac{(c\,p+k)\,x-s\,f(x_2)}{m\,p^2+c\,p+k},\quad c=2\zeta\sqrt{k\,m}"
+    )
+    source: ClassVar = "Newton's second law of the load; sizes assumed: held by the motor, it swings at 5 to 300 Hz"
+    hooks: ClassVar = {Place.FRICTION: _on_the_load}
+    share: float = parameter(
+        "1", "share s of the friction that acts on the load", 0.1, 1.0, "amplitude", at_least=0, at_most=1
+    )
+    stiffness: float = counted(
+        parameter("N/m", "stiffness k of the spring between", 2e4, 7e7, "shape", above=0),
+        {"mass": 1, "loop": -2},
+        {"mass": 1, "sample": -2},
+    )
+    mass: float = parameter("kg", "mass m of the load", 2.0, 45.0, "shape", above=0)
+    damping: float = parameter(
+        "1", "damping ratio of the load while the motor is held", 2e-3, 0.1, "shape", at_least=0, below=1
+    )
+
+    def memory(self, elements: int) -> int:
+        """The load's motion, the spring's stretch and the load's own elements, see BEGUN."""
+        return OWN + elements
+
+    @classmethod
+    def placed(cls, plant: Plant) -> tuple[Self, ...]:
+        """The load behind the spring of each vibration mode that a motor would have with its scale on it, its typical
+        share of the friction on the load; none where the plant has no such mode."""
+        found = []
+        for mode in plant.modes:
+            ratio = mode.gain / plant.modes[plant.rigid].gain  # the load's mass over the motor's
+            if mode.frequency > 0 and 1 / MOST_RATIO <= ratio <= MOST_RATIO:
+                mass = plant.mass * ratio / (1 + ratio)
+                held = 2 * math.pi * mode.frequency / math.sqrt(1 + ratio)
+                found.append(cls(TYPICAL_SHARE, mass * held**2, mass, mode.damping / math.sqrt(1 + ratio)))
+        return tuple(found)
 
 
 @hook

@@ -382,7 +382,10 @@ def _entry(name: str) -> dict[str, Any]:
 
 def _not_looked_for(machine: Machine) -> list[str]:
     """The effects that this machine may have, and that were not tried since its file states none of their sizes."""
-    may = (not kind.beside and (not kind.common_on or machine.axis in kind.common_on) for kind in every().values())
+    may = (
+        not kind.beside and (not kind.common_on or machine.axis in kind.common_on) and kind.placed(machine.plant) != ()
+        for kind in every().values()
+    )
     return [name for name, yes in zip(every(), may, strict=True) if yes and name not in machine.kinds]
 
 

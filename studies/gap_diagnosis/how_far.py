@@ -22,6 +22,7 @@ MUCH: Final = 0.1  # share of the gap that surely stays unexplained, from which 
 # Times the error of settling as delivered, from which on that of the file handed over is told.
 MIN_SETTLING_ERROR_RATIO: Final = 1.1
 SHORT: Final = 2  # sentences on the gap that a figure of it does not make superfluous
+SHIFTED: Final = 0.02  # relative shift of a mode's frequency in a fit to the records alone, from which on it is told
 NO_BETTER: Final = 0.9  # of the force as delivered, from which on a fit to one record explains no other
 
 
@@ -58,9 +59,14 @@ def _modes_kept(far: Results) -> list[str]:
     moved = far.get("modes_kept", 0.0)
     if moved == 0:
         return []
+    before, alone = far.get("frequency_alone_Hz") or (1.0, 1.0)
+    shifted = abs(alone / before - 1) > SHIFTED
+    where = f" ({show(before, 'Hz')} becomes {show(alone, 'Hz')})" if shifted else ""
+    sweep = " If a spring such as a belt or a coupling may have changed, a sweep tells (identify_machine)."
     return [
         f"The vibration modes in improved.toml are as the machine file knows them: a fit to these records alone moves "
-        f"one by {moved:,.0f} of its stated deviations, and does not surely leave less than half."
+        f"one by {moved:,.0f} of its stated deviations{where}, and does not surely leave less than half."
+        f"{sweep if shifted else ''}"
     ]
 
 

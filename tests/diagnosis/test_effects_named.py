@@ -68,7 +68,10 @@ def by_chance() -> dict[str, float]:
     [
         law
         for law, effect in laws().items()
-        if effect.shown_in() in VISIBLE_SIGNALS and law != "gravity" and not effect.beside
+        if effect.shown_in() in VISIBLE_SIGNALS
+        and law != "gravity"
+        and not effect.beside
+        and effect.placed(MACHINE.plant) != ()
     ],
 )
 def test_the_effect_that_is_in_the_table_is_the_strongest_finding(law: str, by_chance: dict[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""A motor and a load on a spring, the scale on the load: integrated here in small steps, friction on either."""
+"""A motor and a load on a spring, the scale on either: integrated here in small steps, friction on either or both."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Ran:
     friction: Array
 
 
-def machine() -> Machine:
-    """The model of it that knows all but where the friction acts."""
+def machine(*, reads_motor: bool = False) -> Machine:
+    """The model of it that knows all but where the friction acts; the scale is on the load, or on the motor."""
     table, mass = load(), MOTOR + LOAD
     natural = HELD * math.sqrt(1 + LOAD / MOTOR)
     damping = DAMPING * (1 / MOTOR + 1 / LOAD) / 2 / natural
-    modes = Mode(1 / mass, 0.0, 0.0), Mode(-1 / mass, natural / 2 / math.pi, damping)
+    modes = Mode(1 / mass, 0.0, 0.0), Mode((LOAD / MOTOR if reads_motor else -1) / mass, natural / 2 / math.pi, damping)
     pid = PID(mass * CROSSOVER**2 / 3, mass * CROSSOVER**3 / 15, mass * CROSSOVER, TS)
     return replace(
         table,
@@ -75,41 +75,34 @@ def moves(strokes: tuple[float, ...], time: float = 5e-3, rest: float = 25e-3) -
     return np.concatenate([pause, *targets]), np.concatenate([pause, *references])
 
 
-def record(on_motor: bool, seed: int, strokes: tuple[float, ...]) -> Record:
-    """What its controller logs along these strokes [m]."""
+def record(on_motor: float, seed: int, strokes: tuple[float, ...], *, reads_motor: bool = False) -> Record:
+    """What its controller logs along these strokes [m]; see `run`."""
     target, reference = moves(strokes)
     asked = (MOTOR + LOAD) * np.gradient(np.gradient(reference, TS), TS)
-    ran = run(asked, reference, on_motor=on_motor, seed=seed)
+    ran = run(asked, reference, on_motor=on_motor, seed=seed, reads_motor=reads_motor)
     return Record(TS, target, reference, asked, ran.command, ran.reading)
 
 
-def run(feedforward: Array, reference: Array, *, on_motor: bool, seed: int = 0) -> Ran:
-    """A feedforward [N] beside the PID along a reference [m], from rest."""
+def run(feedforward: Array, reference: Array, *, on_motor: float, seed: int = 0, reads_motor: bool = False) -> Ran:
+    """A feedforward [N] beside the PID along a reference [m], from rest; on_motor: the share [1] of the friction that
+    acts on the motor, the rest acts on the load."""
     n, pid = feedforward.size, machine().control.pid
     signals = np.zeros((3, n * STEPS))
-    command, reading = np.zeros(n), np.zeros(n)
+    logged = np.zeros((2, n))
     noise = NOISE * np.random.default_rng(seed).standard_normal(n)
     gains = np.array([pid.kp, pid.ki, pid.kd, pid.pole(TS)])
     late = np.concatenate([np.full(LATE, reference[0]), reference])[:n]
-    _integrate(feedforward, late, noise, gains, 1.0 if on_motor else 0.0, command, reading, signals)
-    return Ran(command, reading, *signals)
+    _integrate(np.array([feedforward, late, noise]), gains, float(on_motor), reads_motor, logged, signals)
+    return Ran(*logged, *signals)
 
 
 @compiled
-def _integrate(
-    feedforward: Array,
-    reference: Array,
-    noise: Array,
-    gains: Array,
-    on_motor: float,
-    command: Array,
-    reading: Array,
-    signals: Array,
-) -> None:
+def _integrate(given: Array, gains: Array, on_motor: float, reads_motor: bool, logged: Array, signals: Array) -> None:
+    (feedforward, reference, noise), (command, reading) = given, logged
     x1 = v1 = x2 = v2 = integral = slope = previous = 0.0
-    z, h, at = np.zeros(LIMITS.size), TS / STEPS, 0.0
+    z, h, at1, at2 = np.zeros((2, LIMITS.size)), TS / STEPS, 0.0, 0.0
     for k in range(command.size):
-        reading[k] = x2 + noise[k]
+        reading[k] = (x1 if reads_motor else x2) + noise[k]
         error = reference[k] - reading[k]
         integral += gains[1] * TS * error
         slope = gains[3] * slope + (1.0 - gains[3]) * (error - previous) / TS
@@ -119,15 +112,17 @@ def _integrate(
         for i in range(STEPS):  # the positions half a step before the speeds
             x1 += 0.5 * h * v1
             x2 += 0.5 * h * v2
-            rubs = x1 if on_motor > 0.5 else x2
-            friction = 0.0
-            for j in range(z.size):
-                z[j] = max(-LIMITS[j], min(z[j] + rubs - at, LIMITS[j]))
-                friction += STIFFNESS[j] * z[j]
-            at = rubs
+            friction1 = friction2 = 0.0
+            for j in range(LIMITS.size):
+                z[0, j] = max(-LIMITS[j], min(z[0, j] + x1 - at1, LIMITS[j]))
+                z[1, j] = max(-LIMITS[j], min(z[1, j] + x2 - at2, LIMITS[j]))
+                friction1 += on_motor * STIFFNESS[j] * z[0, j]
+                friction2 += (1.0 - on_motor) * STIFFNESS[j] * z[1, j]
+            at1, at2 = x1, x2
             pull = SPRING * (x1 - x2) + DAMPING * (v1 - v2)
-            v1 += h * (thrust - pull - (friction if on_motor > 0.5 else 0.0)) / MOTOR
-            v2 += h * (pull - (0.0 if on_motor > 0.5 else friction)) / LOAD
-            signals[0, k * STEPS + i], signals[1, k * STEPS + i], signals[2, k * STEPS + i] = x2, v2, friction
+            v1 += h * (thrust - pull - friction1) / MOTOR
+            v2 += h * (pull - friction2) / LOAD
+            signals[0, k * STEPS + i], signals[1, k * STEPS + i] = x2, v2
+            signals[2, k * STEPS + i] = friction1 + friction2
             x1 += 0.5 * h * v1
             x2 += 0.5 * h * v2

@@ -271,6 +271,8 @@ def grid(kind: type[Effect], fitted: Fit, records: Sequence[Record], projection:
     """The effect at the points of its grid: shapes and widths spaced by logarithm, periods evenly in their frequency or
     from a spectrum, every law of a switch."""
     priors, axes = fitted.candidate.nominal.priors, []
+    if (placed := kind.placed(fitted.candidate.nominal.plant)) is not None:
+        return list(placed)
     nyquist = 0.5 / records[0].sample_time
     for item in parameters(kind, priors):
         if item.role == "switch":

@@ -137,7 +137,7 @@ def test_effects_left_out_are_no_part_of_it() -> None:
     records, fit = case("")
     found = confusability(fit, records, left_out=("play", "timing_jitter"))
     assert not {"play", "timing_jitter"} & set(found.names)
-    assert len(found.names) == len(looked_for()) - 2
+    assert len(found.names) == len(fit.candidate.nominal.kinds) - 2
 
 
 def test_with_every_effect_left_out_there_is_nothing_to_be_mistaken_for() -> None:
@@ -154,8 +154,9 @@ def test_the_grid_begins_with_the_typical_point() -> None:
 
 def test_the_json_holds_the_matrix(several: Confusability) -> None:
     plain = json.loads(to_text(to_json(several)))
-    assert len(plain["distance"]) == len(plain["names"]) == len(looked_for())
-    assert {row["effect"] for row in plain["limits"]} == set(looked_for())
+    kinds = table().kinds
+    assert len(plain["distance"]) == len(plain["names"]) == len(kinds)
+    assert {row["effect"] for row in plain["limits"]} == set(kinds)
 
 
 def test_relaxation_and_a_drift_of_the_scale_are_separated_by_dwells() -> None:

@@ -65,6 +65,11 @@ def test_modes_do_not_make_up_for_a_friction_that_the_model_lacks() -> None:
     assert off(alone) > OVERRUN
     assert off(kept) < 1.0
     assert kept.modes_kept == pytest.approx(off(alone))
+    assert kept.frequency_alone is not None
+    before, now = kept.frequency_alone
+    assert (before, now) in [
+        (FINE.plant.modes[i].frequency, alone.candidate.machine.plant.modes[i].frequency) for i in FINE.plant.flexible
+    ]
 
 
 def test_modes_that_a_rough_record_moves_all_the_same_are_held(monkeypatch: pytest.MonkeyPatch) -> None:

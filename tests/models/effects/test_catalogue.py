@@ -32,7 +32,7 @@ AGREED = {
     "position_dependent_friction frictional_lag friction_drift play noncollocated_friction",
     "motor": "cogging thrust_ripple gain_asymmetry thrust_saturation current_loop_lag timing_jitter "
     "amplifier_deadband dac_quantisation",
-    "structure": "additional_mode friction_driven_mode floor_vibration cable_spring",
+    "structure": "additional_mode friction_driven_mode load_side_friction floor_vibration cable_spring",
     "scale": "scale_drift scale_periodic_error scale_gain_error",
     "protocol": "controller_mismatch",
 }

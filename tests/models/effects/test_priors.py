@@ -77,7 +77,7 @@ def test_they_are_a_frozen_mapping(tmp_path: Path) -> None:
 def test_they_ask_for_an_effect_that_is_not_common(tmp_path: Path) -> None:
     assert "velocity_strengthening" not in load().kinds
     machine = load(machine_file(tmp_path, SCREW))
-    rare = {"gravity", "thrust_fall_off", "hardening_spring"}
+    rare = {"gravity", "thrust_fall_off", "hardening_spring", "load_side_friction"}
     assert list(machine.kinds) == [name for name in every() if name not in rare]
     assert ranges(VelocityStrengthening, machine.priors)["rise"] == (0.01, 0.4)
 
@@ -155,7 +155,9 @@ def test_every_effect_can_have_its_usual_sizes_stated(name: str) -> None:
 
 
 def test_without_any_the_common_effects_are_looked_for() -> None:
-    assert list(load().kinds.items()) == list(looked_for().items())
+    table = load()
+    assert list(table.kinds.items()) == list(looked_for(plant=table.plant).items())
+    assert set(looked_for()) - set(table.kinds) == {"load_side_friction"}  # its scale is on the load
     assert all("linear" in kind.common_on for kind in looked_for().values())
 
 

@@ -224,6 +224,7 @@ def test_every_effect_has_two_forms_or_more() -> None:
         "scale_gain_error",
         "noncollocated_friction",
         "friction_driven_mode",
+        "load_side_friction",
     }  # as in test_forms.py
     assert all(len({form.text for form in laws_of(name)}) >= 2 for name in EFFECTS)
     assert not {form.effect for form in STRANGERS} & set(looked_for())

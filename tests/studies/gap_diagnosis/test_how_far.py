@@ -105,3 +105,14 @@ def test_a_log_that_is_late_tells_its_change_and_claims_no_closure(results: dict
     for other in ({"would_leave_N": 1.0}, {"would_fit": None}):
         replay |= other
         assert "the stated controller makes" not in sentences(whole)["which"]
+
+
+def test_a_mode_that_the_records_alone_have_elsewhere_is_told(results: dict[str, Any]) -> None:
+    """A user's belt had lost 40 % of its stiffness, and no sentence named the mode."""
+    far = {**results["how_far"], "modes_kept": 65.2, "frequency_alone_Hz": [37.39, 31.25]}
+    told = sentences({**results, "how_far": far})["how_far"]
+    assert "by 65 of its stated deviations (37.39 Hz becomes 31.25 Hz), and does not surely leave" in told
+    assert "such as a belt or a coupling may have changed, a sweep tells (identify_machine)." in told
+    told = sentences({**results, "how_far": {**far, "frequency_alone_Hz": [37.39, 37.4]}})["how_far"]
+    assert "by 65 of its stated deviations, and does not" in told
+    assert "a sweep tells" not in told
