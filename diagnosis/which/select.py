@@ -121,16 +121,20 @@ def _beside_rivals(best: Trial, trials: Sequence[Trial], before: Stage, search: 
 def shortlisted(stages: Sequence[Stage], search: Search, set_aside: Collection[str] = ()) -> tuple[Proposal, ...]:
     """The proposals to be fitted next, the most promising first; none ends the search.
 
-    A proposal that the likelihood has decided goes first, unless effects of the catalogue gain far more; beside it a
-    mode that rings about its frequency, if it gains a good part of it.
+    A proposal that the likelihood has decided goes first; beside it a mode that rings about its frequency, if it gains
+    a good part of it, and effects of the catalogue that gain far more. These go alone where the force may be what a law
+    of the motion leaves. Where much is left, though, chi-square promises more than the likelihood gains, as a filter
+    that expects no force of that size doubts everything else.
     """
     promising = _promising(stages, search, set_aside)
     most = promising[0].gain if promising else 0.0
     least = search.criteria.shortlist_min_ratio * most
-    decided = [proposal for proposal in stages[-1].proposals if proposal.decided and proposal.gain > least]
+    decided = [one for one in stages[-1].proposals if one.decided and (one.even or one.gain > least)]
     if not decided:
         return promising
     first = max(decided, key=lambda proposal: proposal.gain)
+    if first.gain <= least:
+        return (first, *promising)
     return (first, *_ringing(first, _significant(stages, search, set_aside), search.criteria))
 
 

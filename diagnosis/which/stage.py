@@ -40,7 +40,8 @@ class Proposal:
     """An effect that a detector asks for.
 
     gain: chi-square on held-out motions, or -2 log likelihood [1]; threshold: what is more than chance [1];
-    in_sample_gain: chi-square on all motions [1]; forbidden: that of an amplitude of a sign that it cannot have. What
+    in_sample_gain: chi-square on all motions [1]; forbidden: that of an amplitude of a sign that it cannot have; even:
+    a random force that is surely there at rest as in motion, as no law of the motion is. What
     carries it holds one of: the `effect` at its proposed
     parameters, the `random_force`, or the `random_part`; the log needs none.
     """
@@ -54,6 +55,7 @@ class Proposal:
     random_part: RandomPart | None = None
     in_sample_gain: float = 0.0
     forbidden: float = 0.0
+    even: bool = False
 
     @property
     def decided(self) -> bool:

@@ -138,7 +138,8 @@ def random_force(seen: View, about: float | None = None) -> Detected:
         return Detected()
     if is_locked(seen.fitted, seen.baseline, found.resonance.frequency) or _rings_unnamed(seen, found):
         return Detected()
-    return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance),))
+    even = low >= criteria.random_force_evenness
+    return Detected((Proposal(name, found.gain, threshold, random_force=found.resonance, even=even),))
 
 
 def _least_evenness(seen: View, found: RandomForce) -> float:
