@@ -8,6 +8,7 @@ Values that stand in for each other are moved together: dead time and lag, a mod
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
@@ -22,6 +23,7 @@ from diagnosis.model.unknown_force import unknown_force
 from diagnosis.records.motions import rms
 from models.effects.base import Effect
 from models.effects.base import parameters as parameters_of
+from models.effects.catalogue import named, paired
 from models.machine import Machine
 from models.records.record import Record
 
@@ -61,7 +63,8 @@ class MovedMost:
 
 @dataclass(frozen=True)
 class _Group:
-    """What is moved together: entries of theta with their values [SI and logarithms], and effects of the file."""
+    """What is moved together: entries of theta with their values [SI and logarithms], and effects of the file, by name
+    as in its paths."""
 
     theta: Mapping[int, float]
     kinds: tuple[str, ...]
@@ -105,7 +108,7 @@ def _with(fitted: Candidate, groups: Sequence[_Group]) -> Candidate:
     for group in sorted(groups, key=lambda one: len(one.theta)):
         theta[list(group.theta)] = list(group.theta.values())
     other = {name: effect for group in groups for name, effect in group.effects.items()}
-    effects = tuple(other.get(effect.name, effect) for effect in fitted.nominal.effects)
+    effects = tuple(other.get(path, effect) for path, effect in named(fitted.nominal.effects).items())
     return Candidate(layout, bounded(layout, theta), effects)
 
 
@@ -117,12 +120,13 @@ def _groups(fitted: Candidate, sample_time: float) -> dict[str, _Group]:
         number = Number("", before.unit(unit), *(_alone(name, one) for one in (before, after)))
         found[name] = _Group(_of(fitted, name), (name,), (number,))
     stated = _stated(fitted)
-    late = {name: effect for name, effect in stated.items() if effect.delayed_by}
+    late = {path: pair for path, pair in stated.items() if pair[0].delayed_by}
     found |= _delay(fitted, late, sample_time) | _contacts(fitted) | _modes(fitted)
-    for name, effect in stated.items():
-        if name not in late:
-            (given,) = (one for one in before.effects if one.name == name)
-            found[name] = _Group({}, (name,), _of_effect(given, effect), {name: effect})
+    kinds = dict.fromkeys(pair[0].name for path, pair in stated.items() if path not in late)
+    for kind in kinds:  # such as a cogging's harmonics, which go together
+        pairs = {path: pair for path, pair in stated.items() if pair[0].name == kind}
+        numbers = tuple(itertools.chain.from_iterable(_of_effect(*pair) for pair in pairs.values()))
+        found[kind] = _Group({}, (kind,), numbers, {path: now for path, (_, now) in pairs.items()})
     return {name: one for name, one in found.items() if one.effects or any(one.theta.values())}
 
 
@@ -140,15 +144,11 @@ def _alone(name: str, machine: Machine) -> float:
     }[name]
 
 
-def _stated(fitted: Candidate) -> dict[str, Effect]:
-    """The effects of the file as they were fitted, of those that it states once and that are other than they were."""
-    given = {one.name: one for one in fitted.nominal.effects}
-    members: dict[str, list[Effect]] = {}
-    for one in fitted.effects:
-        members.setdefault(one.name, []).append(one)
-    once = [name for name in given if len(members.get(name, ())) == 1]
-    once = [name for name in once if sum(one.name == name for one in fitted.nominal.effects) == 1]
-    return {name: members[name][0] for name in once if members[name][0] != given[name]}
+def _stated(fitted: Candidate) -> dict[str, tuple[Effect, Effect]]:
+    """The effects of the file that are other than they were, as they were and as they were fitted, by name as in its
+    paths."""
+    pairs = paired(fitted.nominal.effects, fitted.effects)
+    return {path: (before, now) for path, (before, now) in pairs.items() if now != before}
 
 
 def _of_effect(before: Effect, after: Effect) -> tuple[Number, ...]:
@@ -161,17 +161,17 @@ def _of_effect(before: Effect, after: Effect) -> tuple[Number, ...]:
     )
 
 
-def _delay(fitted: Candidate, late: Mapping[str, Effect], sample_time: float) -> dict[str, _Group]:
+def _delay(fitted: Candidate, late: Mapping[str, tuple[Effect, Effect]], sample_time: float) -> dict[str, _Group]:
     """The dead time and the lags of the file, which records show as one: the whole input delay [s]."""
     if not late:
         number = Number("", "s", fitted.nominal.plant.dead_time, fitted.machine.plant.dead_time)
         return {"dead_time": _Group(_of(fitted, "dead_time"), ("dead_time",), (number,))}
-    given = {one.name: one for one in fitted.nominal.effects}
     hold = 0.5 * sample_time
-    before = fitted.nominal.plant.dead_time + hold + sum(given[name].input_delay() for name in late)
-    now = fitted.machine.plant.dead_time + hold + sum(effect.input_delay() for effect in late.values())
-    kinds = ("dead_time", *late)
-    return {"input_delay": _Group(_of(fitted, "dead_time"), kinds, (Number("", "s", before, now),), late)}
+    before = fitted.nominal.plant.dead_time + hold + sum(given.input_delay() for given, _ in late.values())
+    now = fitted.machine.plant.dead_time + hold + sum(effect.input_delay() for _, effect in late.values())
+    kinds, number = ("dead_time", *dict.fromkeys(one.name for one, _ in late.values())), Number("", "s", before, now)
+    moved = {path: effect for path, (_, effect) in late.items()}
+    return {"input_delay": _Group(_of(fitted, "dead_time"), kinds, (number,), moved)}
 
 
 def _contacts(fitted: Candidate) -> dict[str, _Group]:

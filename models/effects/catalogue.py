@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 from functools import cache
@@ -74,6 +75,22 @@ def beyond(own: Iterable[Effect], effects: Iterable[Effect]) -> list[Effect]:
         else:
             more.append(effect)
     return more
+
+
+def paired(own: Iterable[Effect], effects: Iterable[Effect]) -> Mapping[str, tuple[Effect, Effect]]:
+    """The effects of `own` by name as of `named`, each with the one of `effects` that has its place among those of its
+    name; without those of names of which there are fewer."""
+    given, members = list(own), dict[str, list[Effect]]()
+    for effect in effects:
+        members.setdefault(effect.name, []).append(effect)
+    counts = Counter(effect.name for effect in given)
+    pairs = {}
+    for path, effect in named(given).items():
+        same = members.get(effect.name, [])
+        if len(same) >= counts[effect.name]:
+            number = int(path.rpartition(".")[2]) - 1 if path != effect.name else 0
+            pairs[path] = (effect, same[number])
+    return pairs
 
 
 def named(effects: Iterable[Effect]) -> Mapping[str, Effect]:

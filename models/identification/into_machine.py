@@ -55,10 +55,10 @@ class Found:
         return Provenance("assumed", f"record {self.loaded.name} does not show it")
 
 
-def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
+def with_response(machine: Machine, fit: modes.Fit, found: Found, *, sprung: bool = True) -> Machine:
     """The machine with the plant of a frequency response, whose gains hold the thrust constant; the lag of the current
-    loop, the viscous drag and the spring to ground that it shows are effects. Without a lag of its own the dead time
-    holds any."""
+    loop, the viscous drag and the spring that it shows, if that is one to ground (sprung), are effects. Without a lag
+    of its own the dead time holds any."""
     e = fit.estimate
     sources = {
         "dead_time": found.by(e.deviation("dead time")),
@@ -73,7 +73,7 @@ def with_response(machine: Machine, fit: modes.Fit, found: Found) -> Machine:
     machine = machine.with_part("plant", fit.plant, sources)
     lag = (fit.lag, e.deviation(modes.LAG)) if fit.lag > 0 else None
     machine = with_lag(machine, lag, found)
-    if SPRING in e.names:
+    if sprung and SPRING in e.names:
         machine = with_spring(machine, (fit.spring, e.deviation(SPRING)), found)
     return with_drag(machine, (fit.drag, e.deviation(modes.DRAG)), None, found) if fit.drag > 0 else machine
 

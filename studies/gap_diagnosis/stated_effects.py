@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from models.effects.base import parameters
+from models.effects.catalogue import paired
 from models.machine import Machine
 from models.quantity import listed, show
 from studies.wording import effect, words
@@ -19,25 +21,23 @@ CLEARLY: Final = 0.01  # of itself: a value of a stated effect that moved by les
 
 def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
     """The values of stated effects that the file handed over has surely and clearly otherwise, with their deviation
-    there [SI]; of an effect that is stated more than once, none; nor a lag, where lag and dead time are together what
-    they were, as the records show their sum."""
+    there [SI]; but for a lag, where lag and dead time are together what they were, as the records show their sum."""
     rows, before_all, now_all = [], _input_delay(given), _input_delay(better)
     as_late = abs(now_all - before_all) <= CLEARLY * before_all
-    for before in given.effects:
-        after = [one for one in better.effects if one.name == before.name]
-        if len(after) != 1 or sum(one.name == before.name for one in given.effects) != 1:
-            continue
+    several = Counter(one.name for one in given.effects)
+    for path, (before, after) in paired(given.effects, better.effects).items():
+        whose = f" of number {path.rpartition('.')[2]}" if several[before.name] > 1 else ""
         for item in parameters(type(before)):
-            old, new = float(getattr(before, item.name)), float(getattr(after[0], item.name))
+            old, new = float(getattr(before, item.name)), float(getattr(after, item.name))
             size = abs(old)
             if item.role == "phase":  # the same phase has many numbers, and 0 is no small one
                 size, new = 1.0, old + math.remainder(new - old, math.tau)
-            source = better.sources.get(f"effects.{before.name}.{item.name}")
+            source = better.sources.get(f"effects.{path}.{item.name}")
             std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
             if item.role == "switch" or (as_late and item.name == before.delayed_by):
                 continue
             if abs(new - old) > max(MIN_MOVE_STDS * std, CLEARLY * size):
-                row = {"effect": before.name, "name": item.name, "unit": item.unit}
+                row = {"effect": before.name, "name": f"{item.name}{whose}", "unit": item.unit}
                 rows.append({**row, "before": old, "now": new, "std": std})
     return rows
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,8 +16,9 @@ from models.effects.structure import CableSpring
 from models.identification import modes, response
 from models.identification.estimate import LOOSE
 from models.identification.force.fit import SPRING
+from models.identification.force.stated import along_the_path
 from models.identification.into_machine import Found, spring_of, with_response, with_spring
-from models.identification.joint.agreement import spanned, together
+from models.identification.joint.agreement import SIGMAS, spanned, together
 from models.identification.joint.steps import Identified, Settings, Step, with_step
 from models.identification.modal.remarks import (
     ResponseStep,
@@ -30,11 +32,17 @@ from models.identification.modal.remarks import (
 from models.identification.response import FrequencyResponse
 from models.identification.unusable import UnusableError
 from models.machine import Machine
-from models.quantity import show
+from models.quantity import listed, show
 from models.records.checks import is_at_rate, noise_gain
 from models.records.files import Loaded
 from models.records.record import Record
+from models.simulation.effect_kernel import touched
 
+NO_SPRING: Final = (
+    "No spring to ground is entered in the machine file: {why}. Cogging and the weight of what turns look like a "
+    "spring where a sweep is; motions over the whole travel tell what pulls (gap_diagnosis)."
+)
+LEAST_SPREAD: Final = 0.3  # of the stiffest, by which springs differ that are none of the axis but of the place
 FALLS: Final = (-2.5, -1.5)  # of a response over the frequency, both as logarithms: that of a mass is -2
 ALONG: Final = 0.9  # cosine of the phase from which on a position is along with its command, and no mass' answer to it
 AS_BENT: Final = 2.0  # times the least share of samples in which an axis moved backwards: it bends hardly more
@@ -52,11 +60,8 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     content = loaded.content
     smooth = isinstance(content, Record) and _hardly_rubs(found.machine, content)
     if isinstance(content, Record):
-        measured = response.measured(content, sprung=smooth and spring_of(found.machine) > 0)
+        measured = _measured(found.machine, content, sprung=smooth and spring_of(found.machine) > 0)
         level = float(np.std(content.feedforward))
-        held = found.machine.sample_time
-        if content.sample_time > MAX_SAMPLE_TIME_RATIO * held:
-            measured = replace(measured, hold=held)
     else:
         measured, level = replace(content, rolling=content.rolling or settings.rolled), None
     _check_sign(measured)
@@ -66,12 +71,15 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
     step = ResponseStep(measured, fit, level=level)
     earlier = [one for one in found.steps if isinstance(one.gave, ResponseStep)]
     remarks, source, best = [*on_response(fit, measured)], Found(loaded, "response"), fit
+    apart: tuple[float, ...] = ()
     if isinstance(content, Record):
         remarks += on_what_is_between(found.machine, content)
     if earlier:
         every = [*earlier, Step(kind, loaded, step)]
         used = _not_refuted([one for one in every if not bent(_gave(one).measured)] or _least_bent(every))
         fits = [_gave(one) for one in used]
+        if apart := _springs_apart(fits):
+            fits = [_without_spring(found.machine, one, settings) for one in used]
         joint, names = _together(fits, settings, spring), [one.loaded.name for one in used]
         best = spanned(joint, fits)
         step = replace(step, together=best)
@@ -79,7 +87,51 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         remarks += on_left_out([(one.loaded.name, _gave(one)) for one in every if one not in used])
         source = Found(together(used), "response")
     known = found.machine if not _showed_spring(found) else with_spring(found.machine, None, source)
-    return with_step(found, with_response(known, best, source), kind, loaded, step, remarks)
+    local = _on_local_spring(known, best, apart)
+    machine = with_response(known, best, source, sprung=not local)
+    if apart and not local:
+        machine = with_spring(machine, (float(np.mean(apart)), float(np.ptp(apart)) / 2), source)
+    return with_step(found, machine, kind, loaded, step, [*remarks, *local])
+
+
+def _measured(machine: Machine, record: Record, *, sprung: bool = False) -> FrequencyResponse:
+    """The response that an excitation shows, whose commands are held for the controller's sample time."""
+    measured, held = response.measured(record, sprung=sprung), machine.sample_time
+    return replace(measured, hold=held) if record.sample_time > MAX_SAMPLE_TIME_RATIO * held else measured
+
+
+def _springs_apart(fits: Sequence[ResponseStep]) -> tuple[float, ...]:
+    """The springs to ground that responses show [N/m], where they surely differ; else nothing."""
+    shown = [(one.fit.spring, one.estimate.deviation(SPRING)) for one in fits if SPRING in one.estimate.names]
+    shown += [(0.0, 0.0) for one in fits if one.fit.spring == 0]
+    differ = any(abs(a - b) > SIGMAS * math.hypot(s, t) for (a, s), (b, t) in itertools.combinations(shown, 2))
+    return tuple(value for value, _ in shown) if differ else ()
+
+
+def _without_spring(machine: Machine, step: Step, settings: Settings) -> ResponseStep:
+    """What a record gives whose commands are less by what the spring that it shows takes of them."""
+    gave, record = _gave(step), step.loaded.content
+    if gave.fit.spring == 0 or not isinstance(record, Record):
+        return gave
+    t = record.sample_time * np.arange(record.position.size)
+    pulls = gave.fit.spring * np.interp(t + gave.fit.plant.dead_time + gave.fit.lag, t, record.position)
+    measured = _measured(machine, replace(record, command=record.command - pulls))
+    fit = modes.fit(measured, count=settings.modes, spring=modes.Spring(0.0, sought=False))
+    return replace(gave, measured=measured, fit=fit)
+
+
+def _on_local_spring(machine: Machine, fit: modes.Fit, apart: Sequence[float]) -> list[str]:
+    """Why what pulls at the axis in proportion to the way, in the plant of all responses, or in each of those that are
+    far apart [N/m], is none of the springs to ground in the machine file; nothing where it may be one."""
+    if apart and np.ptp(apart) > LEAST_SPREAD * max(apart):
+        return [NO_SPRING.format(why=f"the responses show {listed([show(one, 'N/m', 3) for one in apart])}")]
+    if not apart and SPRING not in fit.estimate.names:
+        return []
+    pulling = [one for one in along_the_path(machine) if "force" in touched(one) and one.spring_to_ground() == 0]
+    if not pulling:
+        return []
+    named = listed(sorted({one.name.replace("_", " ") for one in pulling}))
+    return [NO_SPRING.format(why=f"it has {named}, which may pull so within a sweep's travel")]
 
 
 def on_what_is_between(machine: Machine, record: Record) -> list[str]:

@@ -141,7 +141,8 @@ class Identified:
 
     def misfit(self, gave: ResponseStep) -> float:
         """Reduced chi-square [1] of this machine, as its file has it, on a response that it was identified from."""
-        beside = Beside(lag_of(self.machine), drag_of(self.machine), spring_of(self.machine))
+        spring = spring_of(self.machine) or gave.fit.spring  # what pulls as one there is none of the file's
+        beside = Beside(lag_of(self.machine), drag_of(self.machine), spring)
         return modes.misfit(gave.measured, gave.fit.used, self.machine.plant, beside)
 
     def has(self, *results: str) -> bool:

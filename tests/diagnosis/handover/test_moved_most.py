@@ -16,7 +16,7 @@ from diagnosis.model.unknown_force import unknown_force
 from diagnosis.records.motions import rms
 from diagnosis.records.units import with_units
 from models.effects.base import Effect
-from models.effects.motor import CurrentLoopLag
+from models.effects.motor import Cogging, CurrentLoopLag
 from models.machine import Machine
 from models.variation import Variation, varied
 from tests.diagnosis.tables import recorded, table
@@ -63,6 +63,21 @@ def test_a_dead_time_that_a_lag_makes_up_for_is_told_as_the_whole_delay_or_not_a
     assert (delay.name, delay.kinds) == ("input_delay", ("dead_time", "current_loop_lag"))
     (number,) = delay.numbers
     assert number.now - number.before == pytest.approx(200e-6)
+
+
+def test_the_harmonics_of_an_effect_that_the_file_states_go_together() -> None:
+    """A user's cogging of three times its size had no name: its file had two of that name, and none of them counted."""
+    given = replace(FINE, effects=(Cogging(0.3, 0.02, 0.5), Cogging(0.1, 0.01, 0.2)))
+    now = (Cogging(0.9, 0.02, 0.5), Cogging(0.1, 0.01, 0.2))
+    records = recorded(FINE, PLAN, now, seed=4, wrong=0.0)
+    machine = with_units(given, records)
+    layout = parameters(machine, len(records))
+    fitted = fit(Candidate(layout, np.zeros(layout.count), now), records, iterations=10)
+    floor = rms(unknown_force(fitted.candidate, records, fitted.paths))
+    first = moved_most(fitted, records, floor)[0]
+    assert (first.name, first.kinds) == ("cogging", ("cogging",))
+    assert first.share > 0.9
+    assert (first.numbers[0].before, first.numbers[0].now) == (0.3, pytest.approx(0.9, rel=0.02))
 
 
 def test_two_values_that_are_off_are_told_by_their_shares() -> None:

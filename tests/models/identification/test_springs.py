@@ -147,6 +147,40 @@ def test_a_response_of_an_axis_on_a_spring_shows_the_spring_and_no_lag(stated: b
     assert answer.misfit(step) < 1.5
 
 
+def swept(*stiffness: float) -> Identified:
+    """What excitations of the table show while springs of these stiffnesses [N/m] pull, one in each."""
+    machines = [replace(TABLE, effects=(CableSpring(one),)) for one in stiffness]
+    sweeps = [Loaded(f"{i}.csv", "", own_records.excitation(one, 5), (), ()) for i, one in enumerate(machines)]
+    return identify(TABLE, sweeps, kinds=["excitation"] * len(sweeps))
+
+
+@pytest.mark.parametrize(("stiffness", "entered"), [((200.0, 600.0), False), ((200.0, 220.0), True)])
+def test_a_spring_that_differs_much_from_sweep_to_sweep_is_none_to_ground(
+    stiffness: tuple[float, float], entered: bool
+) -> None:
+    """A user's rotary axis showed 0.2674 and 0.6599 N m/rad, which were its cogging and its weight: the file had had
+    0.53 +- 0.26 N m/rad, 39 % of the friction a quarter of a turn on. Nor may such springs move the mass: that of both
+    sweeps together had been 0.55 and 0.96 of the true one."""
+    both = swept(*stiffness)
+    assert both.machine.plant.mass == pytest.approx(TABLE.plant.mass, rel=2e-3)
+    springs = [one.values()[0] for one in both.machine.effects if one.name == CableSpring.name]
+    assert springs == (pytest.approx([210.0], rel=1e-3) if entered else [])
+    told = "No spring to ground is entered in the machine file: the responses show 200 N/m and 600 N/m."
+    assert any(told in one for one in both.remarks) is not entered
+
+
+def test_where_the_file_has_what_pulls_along_the_way_a_sweep_adds_no_spring() -> None:
+    """Which would count twice: within the travel of a sweep nothing tells the two from each other."""
+    stated = replace(TABLE, effects=(Cogging(0.5, 0.02, 0.0),))
+    sweep = Loaded("sweep.csv", "", own_records.excitation(replace(TABLE, effects=(CableSpring(200.0),)), 5), (), ())
+    answer = identify(stated, [sweep], kinds=["excitation"])
+    assert answer.machine.effects == stated.effects
+    assert any("it has cogging, which may pull so" in one for one in answer.remarks)
+    step = answer.steps[0].gave
+    assert isinstance(step, ResponseStep)
+    assert answer.misfit(step) < 1.5
+
+
 def rolling_sweep(true: Machine) -> Record:
     """A sweep to 2 kHz while the stage rolls."""
     ts = STAGE.sample_time

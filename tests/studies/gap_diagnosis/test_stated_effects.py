@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from models.effects.friction_laws import ViscousFriction
-from models.effects.motor import CurrentLoopLag
+from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.structure import CableSpring, Gravity
 from models.machine import Provenance, load
 from studies.gap_diagnosis.compute import _with_its_name
@@ -60,3 +60,13 @@ def test_a_phase_is_told_by_the_angle_that_it_moved() -> None:
     for now, told_now in ((6.2823, []), (6.2, [-0.0831853])):
         rows = stated_effects(given, replace(given, effects=(Gravity(12.0, now),)))
         assert [row["now"] for row in rows] == pytest.approx(told_now)
+
+
+def test_of_an_effect_that_is_stated_twice_each_is_told() -> None:
+    """The file of a user's rotary axis had two harmonics of its cogging; one of three times the size had no name."""
+    given = replace(load(), effects=(Cogging(0.12, 0.143, 0.7), Cogging(0.03, 0.0714, 1.1)))
+    better = replace(load(), effects=(Cogging(0.36, 0.143, 0.7), Cogging(0.03, 0.0714, 1.1)))
+    (row,) = rows = stated_effects(given, better)
+    assert (row["effect"], row["before"], row["now"]) == ("cogging", 0.12, 0.36)
+    assert "cogging (amplitude of number 1 0.36 N in place of 0.12 N)" in told(rows)[0]
+    assert stated_effects(given, replace(load(), effects=better.effects[:1])) == []
