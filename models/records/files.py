@@ -37,6 +37,7 @@ from models.records.tables.table import Table
 Array = NDArray[np.float64]
 NEEDED: Final = ("time", "command", "position")
 OPTIONAL: Final = ("target", "reference", "error", "feedforward")
+NEXT_TO_A_TURN: Final = 0.05  # of a turn, by which an angle may move on in a sample in which it jumps by a turn
 PATH_ROUNDING: Final = 8 * float(np.finfo(float).eps)  # of a path: differences up to which are arithmetic's
 
 
@@ -176,6 +177,9 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{signal} {length}" for signal, length in lengths.items())
         raise RecordError(f"columns of different lengths ({shown}); export them over the same samples")
+    if columns.source("position", table.units.get(names["position"], "")).rotary:
+        signals, wrapped = _unwrapped(signals)
+        said = (*said, *wrapped)
     sampled = sampling(signals, names, expected)
     if (error := signals.pop("error", None)) is not None and "reference" not in signals:
         signals["reference"], names["reference"] = signals["position"] + error, names["error"]
@@ -195,6 +199,24 @@ def _record(table: Table, columns: Columns, expected: float | None) -> tuple[Rec
         else (),
     )
     return record, {signal: names[signal] for signal in signals}, (*said, *sampled.said)
+
+
+def _unwrapped(signals: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The signals (n,) [SI] of an axis whose angle jumps by a turn where its drive counts on from 0, without these
+    jumps, and a sentence on it. Reference and target, where they stay within a turn, are taken at the turn at which the
+    position is."""
+    steps = np.diff(signals["position"], prepend=signals["position"][:1])
+    turns = np.round(steps / math.tau)
+    if not np.any(turns) or np.any(np.abs(steps - math.tau * turns) > NEXT_TO_A_TURN * math.tau):
+        return dict(signals), ()
+    position = signals["position"] - math.tau * np.cumsum(turns)
+    whole = {"position": position}
+    for name in {"reference", "target"} & signals.keys():
+        away = np.round((position - signals[name]) / math.tau)
+        whole[name] = signals[name] + math.tau * (away if np.ptp(signals[name]) <= math.tau else away[:1])
+    count = int(np.count_nonzero(turns))
+    times = "once" if count == 1 else f"{count} times"
+    return {**signals, **whole}, (f"The position jumps by a turn {times}, as an angle that begins again; it goes on.",)
 
 
 def _standing(path: Array) -> Array:

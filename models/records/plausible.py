@@ -59,6 +59,8 @@ FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a
 FEWEST_SPACED: Final = 50  # samples that a reading of slow motions is compared at
 MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
 MIN_CATCH_UP_RATIO: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
+BESIDE: Final = 20  # samples on either side with which a step of the position is compared
+MIN_GAP_RATIO: Final = 10.0  # times the largest of these, from which on a step is one over samples that are missing
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 # Jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit.
 MAX_JUMPS, MAX_JUMP_SHARE = 10, 1e-3
@@ -78,6 +80,7 @@ def doubts(record: Record, given: set[str], facts: Facts, as_it_ran: Record | No
         yield from _against_reference(ran, facts)
     yield from _against_scale(record, facts)
     yield from _jumps(record, facts)
+    yield from _gaps(record, given, facts)
     yield from _held(record, given, facts)
     yield from _against_force(record, facts)
     if "reference" in given:
@@ -305,6 +308,32 @@ def _jumps(record: Record, facts: Facts) -> Iterator[str]:
         f"the position jumps by {show(float(steps[row - 2]), 'm', 3)} at {show((row - 1) * record.sample_time, 's')} "
         f"after the start (row {row}, line {row + 1} of a CSV), {_times(beyond.size)}, and {drive}; "
         "cut the record there"
+    )
+
+
+def _gaps(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
+    """A step of the position amid far smaller ones while the reference moves, which the drive can't make from rest:
+    samples were lost there, and the time goes on without them, as that of a count of rows does. At rest it may be
+    counts that the scale lost, which are to be diagnosed."""
+    if not (facts.mass and facts.limit) or "reference" not in given or record.position.size < 2 * BESIDE + 2:
+        return
+    steps, asked = np.abs(np.diff(record.position)), np.diff(record.reference)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, BESIDE, mode="edge"), 2 * BESIDE + 1)
+    beside = np.maximum(around[:, :BESIDE].max(axis=1), around[:, BESIDE + 1 :].max(axis=1))
+    reach = FASTER * facts.limit / facts.mass * record.sample_time**2 + _flicker(record, facts)
+    lost = np.flatnonzero((steps > np.maximum(MIN_GAP_RATIO * beside, reach)) & (asked != 0))
+    if lost.size == 0:
+        return
+    first = int(lost[0])
+    step, others, when = (
+        show(float(steps[first]), "m", 3),
+        show(float(beside[first]), "m", 2),
+        first * record.sample_time,
+    )
+    yield (
+        f"the position moves by {step} in one sample and by {others} at most in those beside it, {show(when, 's')} after "
+        f"the start (row {first + 2}, line {first + 3} of a CSV), {_times(lost.size)}: samples are missing there, or "
+        "the scale lost counts; map the time that was logged, or cut the record there"
     )
 
 

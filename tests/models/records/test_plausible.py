@@ -335,6 +335,25 @@ def test_samples_that_a_logger_repeated_are_doubted_with_their_place() -> None:
     assert not any("stand still" in doubt for doubt in doubts(position, GIVEN, FACTS))
 
 
+def test_samples_that_are_missing_are_doubted_where_only_the_rows_are_counted() -> None:
+    """Of a user's log 40 were lost, and its time was mapped to the rows: 358 um between steps of 13."""
+    target = np.concatenate([np.zeros(200), 0.02 * (1 - np.cos(np.linspace(0, np.pi, 1200))) / 2, np.full(200, 0.02)])
+    record = simulate(MACHINE, MACHINE.feedback_only(), target, seed=1).record
+    names = ("target", "reference", "feedforward", "command", "position")
+
+    def without(lost: slice) -> list[str]:
+        left = Record(record.sample_time, *(np.delete(getattr(record, name), lost) for name in names))
+        return [doubt for doubt in doubts(left, GIVEN, FACTS) if "samples are missing" in doubt]
+
+    (doubt,) = without(slice(800, 840))
+    assert "beside it, 399.5 ms after the start (row 801, line 802 of a CSV), once: samples are missing" in doubt
+    assert without(slice(0, 0)) == []
+    position = record.position.copy()
+    position[1500:] += 1e-3
+    counts = replace(record, position=position)  # that the scale lost at rest: they are to be diagnosed
+    assert not any("samples are missing" in doubt for doubt in doubts(counts, GIVEN, FACTS))
+
+
 def test_without_knowing_the_machine_nothing_is_doubted_by_it(records: Mapping[str, Record]) -> None:
     position = records["motions"].position.copy()
     position[300:] += 0.1
