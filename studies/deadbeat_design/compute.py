@@ -43,7 +43,7 @@ from studies.as_known import limit_rows, on_allowed_machines, summary_row
 from studies.as_known import row as known_row
 from studies.beforehand import require_designable
 from studies.compensator import Counted, with_elements
-from studies.deadbeat_design.effects import Knowing, Written, compensate, knowing
+from studies.deadbeat_design.effects import Knowing, Written, by_place_rows, compensate, knowing
 from studies.deadbeat_design.in_place import LATER_RATIO, beside_in_place, in_place_row
 from studies.deadbeat_design.moves import long_moves
 from studies.deadbeat_design.options import DeadbeatOptions
@@ -154,6 +154,7 @@ def _summary(
         *_assumed(machine),
         *_reference_delay(machine, controller),
         *sticking_rows(results),
+        *by_place_rows(results),
         *limit_rows(machine),
         summary_row(results["as_known"]),
         in_place_row(results["in_place"]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from models.effects.base import Effect
 from models.effects.catalogue import named
 from models.machine import Machine
 from models.plant import Plant
+from studies.wording import effects_listed
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,25 @@ class Knowing:
     deadbeat: Deadbeat
     plant: Plant
     refused: str = ""
+
+
+def _goes_by_place(effect: Effect) -> bool:
+    """Whether a force is another one for the same motion from another place; that of a spring is a constant more."""
+    return effect.kind().coordinate == "position" and effect.spring_to_ground() == 0
+
+
+def by_place_rows(results: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Where motions have to begin for the plan to be theirs, for the terminal; nothing where that is all the same."""
+    names = results.get("effects", {}).get("by_place", ())
+    if not names:
+        return []
+    kinds = list(dict.fromkeys(name.partition(".")[0] for name in names))
+    told = (
+        "it is for motions from where the position reads 0, and so is what is said here; from elsewhere "
+        f"{effects_listed(kinds)} pull{'s' if len(kinds) == 1 else ''} otherwise, so that it may do harm: design with "
+        "the phases of that place, or run without the plan"
+    )
+    return [("WARNING, plan of effects that go by the place", told)]
 
 
 def knowing(machine: Machine, plain: Deadbeat, synthesise: Callable[[Machine], Deadbeat]) -> Knowing:
@@ -78,6 +98,7 @@ def compensate(
     results = {
         "rows": rows,
         "met": [] if met is None else list(named(met.effects)),
+        "by_place": [] if met is None else [name for name, one in named(met.effects).items() if _goes_by_place(one)],
         "designed_for": [name for name, one in named(machine.effects).items() if _in_plant(one, machine, whole)],
         "refused": refused,
         "left_out": left_out(machine),
