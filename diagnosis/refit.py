@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.criteria import Criteria
-from diagnosis.model.at_bounds import freed, stated_at_bounds
+from diagnosis.model.at_bounds import freed, mode_at_bounds, stated_at_bounds
 from diagnosis.model.fit import Fit, coordinates, fit, weights
 from diagnosis.model.parameters import Parameters, parameters
 from diagnosis.model.residual import Candidate, SmoothedPath
@@ -32,6 +32,7 @@ FOLLOWED: Final = Provenance("identified", "the largest command of the records, 
 MORE: Final = 2.8  # times the slow walk, under which the starts are searched once more on a fine scale
 START_SEARCHES: Final = 2  # times that the starts are searched once more
 MAX_CONTINUATIONS: Final = 6  # times that a fit which has not converged is continued
+OTHER_MODES: Final = 0.5  # of what a fit leaves above noise, below which modes far from the file's are the axis's
 MIN_CHI_SQUARE_GAIN: Final = 20.0  # fall of chi-square, up to which a fit is no better than the one before
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
@@ -162,7 +163,17 @@ def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     found = freed(fitted, records, stated_at_bounds)
     rests = found is not fitted and not stated_at_bounds(found.candidate)
     gained = float(np.sum(fitted.innovations**2) - np.sum(found.innovations**2))  # the priors are others
-    return found if rests and gained > MIN_CHI_SQUARE_GAIN else fitted
+    return _with_other_modes(found if rests and gained > MIN_CHI_SQUARE_GAIN else fitted, records)
+
+
+def _with_other_modes(fitted: Fit, records: Sequence[Record]) -> Fit:
+    """The fit with as much room as its modes need, where one ran to the bound of its frequency, if they come to rest
+    there and most of what was left is gone: beneath another load or on a softer spring a mode is another one."""
+    if not mode_at_bounds(fitted.candidate):
+        return fitted
+    found = freed(fitted, records, mode_at_bounds)
+    excess = [float(np.sum(one.innovations**2) - np.sum(weights(records))) for one in (fitted, found)]
+    return found if not mode_at_bounds(found.candidate) and excess[1] < OTHER_MODES * excess[0] else fitted
 
 
 def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:

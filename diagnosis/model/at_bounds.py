@@ -18,6 +18,8 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
+FREQUENCY: Final = "mode_frequency"
+OF_A_MODE: Final = ("mode_gain", FREQUENCY, "mode_damping")
 WIDENING_ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
 WIDENING_FACTOR: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
 AT_BOUND_ROOM_SHARE: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
@@ -97,6 +99,12 @@ def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     """The values of the plant and its drive at a bound, which are other values where they were changed without a note,
     while contacts there may stand in for any law."""
     return tuple(one for one in at_bounds(candidate) if one.part == "nominal" and one.name in LOOSE)
+
+
+def mode_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
+    """The values of vibration modes at a bound, where a frequency is among them: the structure is another one."""
+    found = tuple(one for one in plant_at_bounds(candidate) if one.name in OF_A_MODE)
+    return found if any(one.name == FREQUENCY for one in found) else ()
 
 
 def stated_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:

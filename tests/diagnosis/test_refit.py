@@ -10,7 +10,8 @@ import pytest
 
 from diagnosis import refit as refit_module
 from diagnosis.criteria import Criteria
-from diagnosis.model.fit import one_step
+from diagnosis.experiments.schedules import amplitude_ladder, strokes, together
+from diagnosis.model.fit import fit, one_step, weights
 from diagnosis.model.parameters import LOOSE_BOUND_STDS, applied, parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.refit import refit_within, shifts, wrong_values
@@ -18,7 +19,8 @@ from models.effects.base import Effect
 from models.effects.friction_laws import ViscousFriction
 from models.effects.motor import Cogging
 from models.friction import elements
-from models.machine import Tolerance
+from models.machine import Machine, Tolerance
+from models.plant import Mode
 from tests.diagnosis.tables import recorded, schedules, table
 
 MACHINE = table()
@@ -149,3 +151,46 @@ def test_starts_are_found_before_values_where_a_fine_scale_leaves_more_than_nois
         monkeypatch.setattr(refit_module, "with_new_starts", lambda found, _: found)
         assert refit_module.refit(layout, records) is (kept if fine else first)
         assert asked == (steps if fine else [3])
+
+
+def _on_a_spring(gain: float, frequency: float) -> Machine:
+    """A table that reads a nanometre, with one mode: of this gain, in parts of the rigid body's [1], and frequency
+    [Hz]."""
+    rigid = MACHINE.plant.modes[MACHINE.plant.rigid]
+    modes = rigid, Mode(gain * rigid.gain, frequency, 0.015)
+    scale = replace(MACHINE.scale, resolution=5e-9, noise=3e-9)
+    return replace(MACHINE, scale=scale, plant=replace(MACHINE.plant, modes=modes))
+
+
+def test_beneath_another_load_a_mode_may_be_far_from_the_file_s() -> None:
+    """A user's payload had moved one from 106.7 to 78.3 Hz, beyond the re-fit's bounds: 87.4 Hz, another mode bent, and
+    a drive that was "rougher than its model". Here the bounds alone had given 99.5 Hz and 2.6 times the damping."""
+    given, truth = _on_a_spring(0.5, 110.0), _on_a_spring(0.9, 80.0)
+    plan = (together("short", [amplitude_ladder(given, (5e-6, 20e-6, 100e-6)), strokes(given, 45e-3, (0.2,))]),)
+    found = refit_within(given, recorded(truth, plan, seed=4, wrong=0.0)).candidate
+    mode, true = found.machine.plant.modes[1], truth.plant.modes[1]
+    assert mode.frequency == pytest.approx(true.frequency, rel=2e-3)
+    assert mode.gain == pytest.approx(true.gain, rel=0.02)
+    assert mode.damping == pytest.approx(true.damping, rel=0.1)
+    usual = parameters(given, 1)
+    assert abs(found.theta[found.layout.of("mode_frequency")][0]) > usual.high[usual.of("mode_frequency")][0]
+
+
+@pytest.mark.parametrize(("share", "rests", "taken"), [(0.4, True, True), (0.7, True, False), (0.4, False, False)])
+def test_a_mode_that_makes_up_for_something_else_gets_no_more_room(
+    share: float, rests: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where with more of it most is left as before, or where the mode runs on, the bounds stay: a law is missing."""
+    given, plan = _on_a_spring(0.5, 110.0), PLAN[:1]
+    records = recorded(given, plan, seed=4)
+    layout = parameters(given, 1)
+    theta = np.zeros(layout.count)
+    theta[layout.of("mode_frequency")] = layout.low[layout.of("mode_frequency")]
+    begun = fit(Candidate(layout, theta), records, iterations=0)
+    n = float(np.sum(weights(records)))
+    at_bound = replace(begun, innovations=begun.innovations * np.sqrt(100 * n / np.sum(begun.innovations**2)))
+    left = at_bound.innovations * np.sqrt((1 + 99 * share) / 100)
+    candidate = Candidate(layout, np.zeros(layout.count) if rests else theta)
+    freed = replace(at_bound, candidate=candidate, innovations=left)
+    monkeypatch.setattr(refit_module, "freed", lambda *_: freed)
+    assert refit_module._with_other_modes(at_bound, records) is (freed if taken else at_bound)
