@@ -53,6 +53,7 @@ WHOLE: Final = "the whole command"
 POSITION_LOGGED: Final = "the position logged"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
+SAME_UNIT: Final = 0.02  # relative difference of a factor from that of a unit, up to which it is that unit's
 ONE_FACTOR: Final = 1.02  # between factors of the parts of a controller that count as one of the whole command
 FILTERS: Final = (0.25, 0.5, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4, 2.0, 4.0)  # factors of the derivative filter's time
 
@@ -432,4 +433,6 @@ def _scaled(record: Record, made: Array, words: str, columns: list[Array], begin
     alike = factors.min() > 0 and factors.max() / factors.min() < ONE_FACTOR  # of all commands, or of all parts
     if (words == WHOLE or (alike and factors.size > 1)) and alike and abs(np.log(factors[0])) > np.log(OTHER_UNIT):
         told += f", as where one of the log's units is {show(1 / factors[0], 'N', 4)}"
+        if abs(math.degrees(factors[0]) - 1) < SAME_UNIT:
+            told += ", or where angles in degrees were read as radians"
     return told, _rms(record, again, begin)
