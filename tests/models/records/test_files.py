@@ -459,3 +459,12 @@ def test_a_command_that_the_file_states_in_amperes_is_asked_for_a_factor_of_them
     path.write_text(f"time_s,position_m,Strom [{unit}]\n{rows}", encoding="utf-8")
     with pytest.raises(RecordError, match=re.escape(f'command = "Strom * {hint}"')):
         load(path, Columns(command="Strom"))
+
+
+def test_the_column_that_a_missing_one_may_be_is_in_its_unit_whatever_unit_the_mapping_states(tmp_path: Path) -> None:
+    """Of a log with a column of seconds a user had read that "Ziel" [deg] is the nearest to time_s."""
+    path = tmp_path / "drive.csv"
+    path.write_text("Zeit [s];Ziel [°];Moment [Nm];Winkel [°]\n0;1;2;3\n0,001;1;2;3\n", encoding="utf-8")
+    columns = Columns(time="time_s [s]", command="Moment [N m]", position="Winkel [deg]", target="Ziel [deg]")
+    with pytest.raises(RecordError, match="the nearest that the file has is 'Zeit'"):
+        load(path, replace(columns, target="target_deg"))
