@@ -338,8 +338,8 @@ def _nearest(table: Table, columns: Columns, signal: str) -> str:
 
 
 def _fits(columns: Columns, signal: str, unit: str) -> bool:
-    """Whether a unit that a file states is one of the signal's, whatever unit a mapping states; but for a force, which a
-    mapping may make of a current."""
+    """Whether a unit that a file states is one of the signal's, whatever unit a mapping states; but for a force, which
+    a mapping may make of a current."""
     try:
         (columns if signal in {"command", "feedforward"} else Columns()).source(signal, unit)
     except ValueError:

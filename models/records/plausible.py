@@ -59,7 +59,7 @@ FLICKER: Final = 20.0  # steps of the scale that a reading may jump by without a
 FEWEST_SPACED: Final = 50  # samples that a reading of slow motions is compared at
 MIN_REPEATED_SAMPLES: Final = 4  # samples alike, from which on a log is thought to repeat the first of them
 MIN_CATCH_UP_RATIO: Final = 3.0  # times the steps before and after, from which on a step makes up for what was missed
-BESIDE: Final = 20  # samples on either side with which a step of the position is compared
+NEIGHBOURS: Final = 20  # samples on either side with which a step of the position is compared
 MIN_GAP_RATIO: Final = 10.0  # times the largest of these, from which on a step is one over samples that are missing
 SMOOTHED: Final = 20  # samples over which accelerations are taken
 # Jumps, and their share of the samples, up to which a reading is at fault; more: a wrong unit.
@@ -315,11 +315,11 @@ def _gaps(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     """A step of the position amid far smaller ones while the reference moves, which the drive can't make from rest:
     samples were lost there, and the time goes on without them, as that of a count of rows does. At rest it may be
     counts that the scale lost, which are to be diagnosed."""
-    if not (facts.mass and facts.limit) or "reference" not in given or record.position.size < 2 * BESIDE + 2:
+    if not (facts.mass and facts.limit) or "reference" not in given or record.position.size < 2 * NEIGHBOURS + 2:
         return
     steps, asked = np.abs(np.diff(record.position)), np.diff(record.reference)
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, BESIDE, mode="edge"), 2 * BESIDE + 1)
-    beside = np.maximum(around[:, :BESIDE].max(axis=1), around[:, BESIDE + 1 :].max(axis=1))
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
+    beside = np.maximum(around[:, :NEIGHBOURS].max(axis=1), around[:, NEIGHBOURS + 1 :].max(axis=1))
     reach = FASTER * facts.limit / facts.mass * record.sample_time**2 + _flicker(record, facts)
     lost = np.flatnonzero((steps > np.maximum(MIN_GAP_RATIO * beside, reach)) & (asked != 0))
     if lost.size == 0:

@@ -380,7 +380,9 @@ def test_a_command_that_is_logged_in_another_unit_is_said_to_be(record: Record) 
     assert amps.remedy == "the whole command times 0.02381, as where one of the log's units is 42 N"
     assert amps.remains < 1e-3 * amps.rms
     degrees = replayed(table(), replace(record, command=np.deg2rad(record.command)))
-    assert degrees.remedy.endswith("one of the log's units is 57.3 N, or where angles in degrees were read as radians")
+    assert str(degrees.remedy).endswith(
+        "one of the log's units is 57.3 N, or where angles in degrees were read as radians"
+    )
 
 
 @pytest.mark.parametrize(("factors", "unit"), [((10.0, 10.0), True), ((10.0, 8.0), False), ((1.01, 1.01), False)])
