@@ -172,8 +172,9 @@ def _with_other_modes(fitted: Fit, records: Sequence[Record]) -> Fit:
     if not mode_at_bounds(fitted.candidate):
         return fitted
     found = freed(fitted, records, mode_at_bounds)
-    excess = [float(np.sum(one.innovations**2) - np.sum(weights(records))) for one in (fitted, found)]
-    return found if not mode_at_bounds(found.candidate) and excess[1] < OTHER_MODES * excess[0] else fitted
+    before, after = (float(np.sum(one.innovations**2) - np.sum(weights(records))) for one in (fitted, found))
+    less = before - after > MIN_CHI_SQUARE_GAIN and after < OTHER_MODES * before
+    return found if less and not mode_at_bounds(found.candidate) else fitted
 
 
 def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:

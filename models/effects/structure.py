@@ -119,19 +119,19 @@ class LoadSideFriction(Effect):
         r"F=(1-s)\,f(x)+\frac{c\,p+k}{m\,p^2+c\,p+k}\,s\,f(x_2),\quad "
         r"x_2=\frac{(c\,p+k)\,x-s\,f(x_2)}{m\,p^2+c\,p+k},\quad c=2\zeta\sqrt{k\,m}"
     )
-    source: ClassVar = "Newton's second law of the load; sizes assumed: held by the motor, it swings at 5 to 300 Hz"
+    source: ClassVar = "Newton's second law of the load; sizes assumed: held by the motor, it swings at 1 Hz to 1 kHz"
     hooks: ClassVar = {Place.FRICTION: _on_the_load}
     share: float = parameter(
         "1", "share s of the friction that acts on the load", 0.1, 1.0, "amplitude", at_least=0, at_most=1
     )
     stiffness: float = counted(
-        parameter("N/m", "stiffness k of the spring between", 2e4, 7e7, "shape", above=0),
+        parameter("N/m", "stiffness k of the spring between", 1e3, 1e9, "shape", above=0),
         {"mass": 1, "loop": -2},
         {"mass": 1, "sample": -2},
     )
     mass: float = parameter("kg", "mass m of the load", 2.0, 45.0, "shape", above=0)
     damping: float = parameter(
-        "1", "damping ratio of the load while the motor is held", 2e-3, 0.1, "shape", at_least=0, below=1
+        "1", "damping ratio of the load while the motor is held", 1e-4, 0.5, "shape", at_least=0, below=1
     )
 
     def memory(self, elements: int) -> int:

@@ -212,11 +212,22 @@ def _unwrapped(signals: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[st
     position = signals["position"] - math.tau * np.cumsum(turns)
     whole = {"position": position}
     for name in {"reference", "target"} & signals.keys():
-        away = np.round((position - signals[name]) / math.tau)
-        whole[name] = signals[name] + math.tau * (away if np.ptp(signals[name]) <= math.tau else away[:1])
+        whole[name] = _at_turn_of(position, signals[name])
+    if "error" in signals:  # of which position or reference had begun again by itself
+        whole["error"] = signals["error"] - math.tau * np.round(signals["error"] / math.tau)
     count = int(np.count_nonzero(turns))
     times = "once" if count == 1 else f"{count} times"
     return {**signals, **whole}, (f"The position jumps by a turn {times}, as an angle that begins again; it goes on.",)
+
+
+def _at_turn_of(position: Array, path: Array) -> Array:
+    """A reference or a target (n,) [rad] that stays within a turn at the turn at which the position (n,) [rad] is, or,
+    where it stands, as a target does, will be in the end."""
+    if np.ptp(path) > math.tau:
+        return np.asarray(path + math.tau * np.round((position[0] - path[0]) / math.tau))
+    ends = np.append(np.flatnonzero(np.diff(path)), path.size - 1)
+    last = ends[np.searchsorted(ends, np.arange(path.size))]
+    return np.asarray(path + math.tau * np.round((position[last] - path) / math.tau))
 
 
 def _standing(path: Array) -> Array:

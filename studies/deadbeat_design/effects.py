@@ -44,7 +44,7 @@ class Knowing:
 
 def _goes_by_place(effect: Effect) -> bool:
     """Whether a force is another one for the same motion from another place; that of a spring is a constant more."""
-    return effect.kind().coordinate == "position" and effect.spring_to_ground() == 0
+    return effect.coordinate in {"", "position"} and effect.spring_to_ground() == 0
 
 
 def by_place_rows(results: Mapping[str, Any]) -> list[tuple[str, str]]:

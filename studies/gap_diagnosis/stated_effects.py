@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from models.effects.base import parameters
-from models.effects.catalogue import paired
+from models.effects.catalogue import named, paired
 from models.machine import Machine
 from models.quantity import listed, show
 from studies.wording import effect, words
@@ -25,6 +25,7 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
     rows, before_all, now_all = [], _input_delay(given), _input_delay(better)
     as_late = abs(now_all - before_all) <= CLEARLY * before_all
     several = Counter(one.name for one in given.effects)
+    place = {id(one): path for path, one in named(better.effects).items()}
     for path, (before, after) in paired(given.effects, better.effects).items():
         whose = f" of number {path.rpartition('.')[2]}" if several[before.name] > 1 else ""
         for item in parameters(type(before)):
@@ -32,7 +33,7 @@ def stated_effects(given: Machine, better: Machine) -> list[dict[str, Any]]:
             size = abs(old)
             if item.role == "phase":  # the same phase has many numbers, and 0 is no small one
                 size, new = 1.0, old + math.remainder(new - old, math.tau)
-            source = better.sources.get(f"effects.{path}.{item.name}")
+            source = better.sources.get(f"effects.{place[id(after)]}.{item.name}")
             std = float(np.max(source.std)) if source is not None and source.std is not None else 0.0
             if item.role == "switch" or (as_late and item.name == before.delayed_by):
                 continue

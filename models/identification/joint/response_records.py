@@ -80,6 +80,7 @@ def from_response(found: Identified, kind: str, loaded: Loaded, settings: Settin
         fits = [_gave(one) for one in used]
         if apart := _springs_apart(fits):
             fits = [_without_spring(found.machine, one, settings) for one in used]
+            spring = modes.Spring(0.0, sought=False)
         joint, names = _together(fits, settings, spring), [one.loaded.name for one in used]
         best = spanned(joint, fits)
         step = replace(step, together=best)
@@ -103,7 +104,7 @@ def _measured(machine: Machine, record: Record, *, sprung: bool = False) -> Freq
 def _springs_apart(fits: Sequence[ResponseStep]) -> tuple[float, ...]:
     """The springs to ground that responses show [N/m], where they surely differ; else nothing."""
     shown = [(one.fit.spring, one.estimate.deviation(SPRING)) for one in fits if SPRING in one.estimate.names]
-    shown += [(0.0, 0.0) for one in fits if one.fit.spring == 0]
+    shown += [(0.0, 0.0) for one in fits if one.fit.spring == 0 and one.measured.rolling]  # others look for none
     differ = any(abs(a - b) > SIGMAS * math.hypot(s, t) for (a, s), (b, t) in itertools.combinations(shown, 2))
     return tuple(value for value, _ in shown) if differ else ()
 

@@ -154,9 +154,11 @@ def swept(*stiffness: float) -> Identified:
     return identify(TABLE, sweeps, kinds=["excitation"] * len(sweeps))
 
 
-@pytest.mark.parametrize(("stiffness", "entered"), [((200.0, 600.0), False), ((200.0, 220.0), True)])
+@pytest.mark.parametrize(
+    ("stiffness", "entered"), [((200.0, 600.0), False), ((200.0, 220.0), True), ((200.0, 220.0, 210.0), True)]
+)
 def test_a_spring_that_differs_much_from_sweep_to_sweep_is_none_to_ground(
-    stiffness: tuple[float, float], entered: bool
+    stiffness: tuple[float, ...], entered: bool
 ) -> None:
     """A user's rotary axis showed 0.2674 and 0.6599 N m/rad, which were its cogging and its weight: the file had had
     0.53 +- 0.26 N m/rad, 39 % of the friction a quarter of a turn on. Nor may such springs move the mass: that of both

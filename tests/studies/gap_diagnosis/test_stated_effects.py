@@ -70,3 +70,10 @@ def test_of_an_effect_that_is_stated_twice_each_is_told() -> None:
     assert (row["effect"], row["before"], row["now"]) == ("cogging", 0.12, 0.36)
     assert "cogging (amplitude of number 1 0.36 N in place of 0.12 N)" in told(rows)[0]
     assert stated_effects(given, replace(load(), effects=better.effects[:1])) == []
+
+
+def test_the_deviation_of_a_stated_effect_is_its_own_where_another_of_its_name_was_found() -> None:
+    given = replace(load(), effects=(Cogging(0.5, 0.143, 0.7),))
+    known = {"effects.cogging.1.amplitude": Provenance("identified", "", std=0.1)}
+    found = (Cogging(0.52, 0.143, 0.7), Cogging(0.03, 0.0714, 1.1))
+    assert stated_effects(given, replace(load(), effects=found, sources={**given.sources, **known})) == []
