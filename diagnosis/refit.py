@@ -32,7 +32,7 @@ FOLLOWED: Final = Provenance("identified", "the largest command of the records, 
 MORE: Final = 2.8  # times the slow walk, under which the starts are searched once more on a fine scale
 START_SEARCHES: Final = 2  # times that the starts are searched once more
 MAX_CONTINUATIONS: Final = 6  # times that a fit which has not converged is continued
-OTHER_MODES: Final = 0.5  # of what a fit leaves above noise, below which modes far from the file's are the axis's
+OTHER_MODES: Final = 0.1  # of what a fit leaves above noise, below which modes far from the file's are the axis's
 MIN_CHI_SQUARE_GAIN: Final = 20.0  # fall of chi-square, up to which a fit is no better than the one before
 WEIGHED: Final = 12  # times that the white force is estimated from what a fit under the one before leaves
 LEAST_SLOPE: Final = 0.3  # where the scale's noise is most of it, whatever the white force
@@ -168,7 +168,8 @@ def within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
 
 def _with_other_modes(fitted: Fit, records: Sequence[Record]) -> Fit:
     """The fit with as much room as its modes need, where one ran to the bound of its frequency, if they come to rest
-    there and most of what was left is gone: beneath another load or on a softer spring a mode is another one."""
+    there and nearly all of what was left is gone: beneath another load or on a softer spring a mode is another one. One
+    that makes up for a mode that the file lacks was seen to take three quarters of it."""
     if not mode_at_bounds(fitted.candidate):
         return fitted
     found = freed(fitted, records, mode_at_bounds)

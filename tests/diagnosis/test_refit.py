@@ -177,7 +177,7 @@ def test_beneath_another_load_a_mode_may_be_far_from_the_file_s() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "rests", "taken"), [(0.4, True, True), (0.7, True, False), (0.4, False, False), (1.0, True, False)]
+    ("share", "rests", "taken"), [(0.05, True, True), (0.23, True, False), (0.05, False, False), (1.0, True, False)]
 )
 def test_a_mode_that_makes_up_for_something_else_gets_no_more_room(
     share: float, rests: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
