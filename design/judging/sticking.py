@@ -67,7 +67,7 @@ def sticking(machine: Machine, feedback: Feedback | None = None) -> Sticking | N
     """
     law, ts, known = feedback or machine.control.feedback, machine.sample_time, linear(machine)
     every, plant = springs(machine.friction), known.plant
-    if any(effect.differentiates for effect in machine.effects):
+    if any(effect.differentiates or effect.rubs_elsewhere for effect in machine.effects):
         return None
 
     def pole_of(plant: Plant, spring: Spring) -> complex:

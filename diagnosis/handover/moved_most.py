@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit
-from diagnosis.model.parameters import bounded
+from diagnosis.model.parameters import OF_MODES, bounded
 from diagnosis.model.residual import Candidate, smooth
 from diagnosis.model.unknown_force import unknown_force
 from diagnosis.records.motions import rms
@@ -33,7 +33,6 @@ MIN_SHARE: Final = 0.05  # of the gap, below which a value is not among those th
 START: Final = "initial_friction_state"
 CONTACTS: Final = ("friction_level", "presliding_stiffness", "presliding_limit")
 MOVED_ALONE: Final = ("payload_mass", "thrust_constant", "amplifier_offset")
-OF_MODES: Final = ("mode_gain", "mode_frequency", "mode_damping")
 
 
 @dataclass(frozen=True)

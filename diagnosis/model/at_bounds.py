@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, fit, parameters_at_bounds
-from diagnosis.model.parameters import LOOSE, Parameters, below_nyquist, moved
+from diagnosis.model.parameters import LOOSE, OF_MODES, Parameters, below_nyquist, moved
 from diagnosis.model.residual import Candidate
 from models.effects.base import parameters as parameters_of
 from models.effects.priors import Priors
@@ -18,8 +18,6 @@ from models.records.record import Record
 
 Array = NDArray[np.float64]
 
-FREQUENCY: Final = "mode_frequency"
-OF_A_MODE: Final = ("mode_gain", FREQUENCY, "mode_damping")
 WIDENING_ROUNDS: Final = 3  # of fits in which values that newly run to their bounds get more room
 WIDENING_FACTOR: Final = 2.0  # by which the room of a value that ran to its bound is widened, once
 AT_BOUND_ROOM_SHARE: Final = 1e-3  # of the room of a value: nearer to its bound it is at it
@@ -103,8 +101,8 @@ def plant_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
 
 def mode_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
     """The values of vibration modes at a bound, where a frequency is among them: the structure is another one."""
-    found = tuple(one for one in plant_at_bounds(candidate) if one.name in OF_A_MODE)
-    return found if any(one.name == FREQUENCY for one in found) else ()
+    found = tuple(one for one in plant_at_bounds(candidate) if one.name in OF_MODES)
+    return found if any(one.name == "mode_frequency" for one in found) else ()
 
 
 def stated_at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:

@@ -45,6 +45,7 @@ TOLERANCES: Final = {  # of the file that each parameter's prior is from, and th
     "presliding_stiffness": ("stiffness", "1"),
     "presliding_limit": ("limit", "1"),
 }
+OF_MODES: Final = ("mode_gain", "mode_frequency", "mode_damping")
 LOOSE: Final = (
     "mode_gain",
     "mode_frequency",

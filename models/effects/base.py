@@ -135,7 +135,8 @@ class Effect(ABC):
     of a kind of its own. delayed_by: the parameter [s] by which a thrust acts later than its command in all but
     fast changes, if there is one. differentiates: its law follows the acceleration, in which the reading's noise is
     large, so that records of one way differ. friction_drives: its modes move under the friction alone, and not under
-    the thrust. tabulated: its fields are measured values of one machine: a file may
+    the thrust. rubs_elsewhere: a part of the friction acts and moves with another part of the structure than the one
+    where thrust and scale are. tabulated: its fields are measured values of one machine: a file may
     hold it, but nothing looks for it, and it has no `parameters`.
     """
 
@@ -154,6 +155,7 @@ class Effect(ABC):
     delayed_by: ClassVar[str] = ""
     differentiates: ClassVar[bool] = False
     friction_drives: ClassVar[bool] = False
+    rubs_elsewhere: ClassVar[bool] = False
     tabulated: ClassVar[bool] = False
 
     @classmethod

@@ -121,6 +121,7 @@ class LoadSideFriction(Effect):
     )
     source: ClassVar = "Newton's second law of the load; sizes assumed: held by the motor, it swings at 1 Hz to 1 kHz"
     hooks: ClassVar = {Place.FRICTION: _on_the_load}
+    rubs_elsewhere: ClassVar = True
     share: float = parameter(
         "1", "share s of the friction that acts on the load", 0.1, 1.0, "amplitude", at_least=0, at_most=1
     )

@@ -328,7 +328,7 @@ def _gaps(record: Record, given: set[str], facts: Facts) -> Iterator[str]:
     step, others = show(float(steps[first]), "m", 3), show(float(beside[first]), "m", 2)
     yield (
         f"the position moves by {step} in one sample and by {others} at most in those beside it, "
-        f"{show(first * record.sample_time, 's')} after the start (row {first + 2}, line {first + 3} of a CSV), "
+        f"{show((first + 1) * record.sample_time, 's')} after the start (row {first + 2}, line {first + 3} of a CSV), "
         f"{_times(lost.size)}: samples are missing there, or the scale lost counts; map the time that was logged, or "
         "cut the record there"
     )

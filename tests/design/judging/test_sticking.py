@@ -13,7 +13,7 @@ from design.family import largest_pole
 from design.judging.sticking import MAX_SPRINGS, advice_on, cause_of, springs, state_of, sticking
 from design.loop import spectral_radius
 from models.effects.friction_laws import NoncollocatedFriction
-from models.effects.structure import FrictionDrivenMode
+from models.effects.structure import FrictionDrivenMode, LoadSideFriction
 from models.friction import Friction
 from models.machine import DEFAULT, Machine, load
 from models.plant import Mode, Plant, against_spring, sampled
@@ -147,5 +147,5 @@ def test_such_a_mode_takes_the_warning_away(belt: Machine) -> None:
     driven = FrictionDrivenMode(2 * abs(mode.gain), mode.frequency, mode.damping)
     assert sticking(replace(belt, effects=(driven,))) is None
     assert swing_left(replace(belt, effects=(driven,))) < belt.specification.tolerance
-    away = NoncollocatedFriction(1e-6)
-    assert sticking(replace(belt, effects=(away,))) is None
+    for away in (NoncollocatedFriction(1e-6), LoadSideFriction(0.4, 1e6, 10.0, 0.02)):
+        assert sticking(replace(belt, effects=(away,))) is None

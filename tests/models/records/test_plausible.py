@@ -346,7 +346,7 @@ def test_samples_that_are_missing_are_doubted_where_only_the_rows_are_counted() 
         return [doubt for doubt in doubts(left, GIVEN, FACTS) if "samples are missing" in doubt]
 
     (doubt,) = without(slice(800, 840))
-    assert "beside it, 399.5 ms after the start (row 801, line 802 of a CSV), once: samples are missing" in doubt
+    assert "beside it, 400 ms after the start (row 801, line 802 of a CSV), once: samples are missing" in doubt
     assert without(slice(0, 0)) == []
     position = record.position.copy()
     position[1500:] += 1e-3
