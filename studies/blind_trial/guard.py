@@ -4,7 +4,7 @@ A trial that seals its own cases needs no isolation from their key, which does n
 committed (see sealing.py). A given --key and the sealer's code exist: they are closed by the kernel where it has
 Landlock, and everywhere by a hook that also reports the attempt.
 
-Imports only the standard library: an answering process calls `forbid` before it imports anything else.
+Imports only the standard library: an answering process calls `forbid` before it imports anything else of this program.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SE
     The returned list grows by one line with every refusal, so that code which catches the error is detected too. The
     hook stops neither machine code nor paths relative to an open folder, Landlock both.
     """
+    _list_fonts()
     places = tuple(os.path.realpath(file) for file in files)
     landlock.close(places)
     names = {Path(place).name for place in places if not Path(place).is_dir()}
@@ -82,6 +83,13 @@ def forbid(files: Iterable[str | os.PathLike[str]], modules: Sequence[str] = (SE
 
     sys.addaudithook(hook)
     return refused
+
+
+def _list_fonts() -> None:
+    """Lets matplotlib list the fonts now: on a new machine it asks another program for them when a design first imports
+    it, which from here on would count as an attempt to reach what is sealed.
+    """
+    import matplotlib.font_manager  # noqa: F401  # before anything is forbidden, not with this module
 
 
 def _within(path: str, places: Sequence[str], names: Iterable[str]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,19 @@ def test_every_cheat_reaches_the_key_where_nothing_is_forbidden(tmp_path: Path) 
     for name in WAYS.keys() - {"fork"}:
         (tmp_path / "key.json.other").unlink(missing_ok=True)
         WAYS[name](str(key))
+
+
+def test_the_fonts_that_matplotlib_looks_for_on_a_new_machine_are_no_attempt(tmp_path: Path) -> None:
+    """It starts a program of the system where it has no list of them yet, and the libraries of a design import it."""
+    program = (
+        "import sys; from studies.blind_trial.guard import forbid; refused = forbid(sys.argv[1:]);"
+        "import control, matplotlib.pyplot; print(refused)"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "key.json")]
+    settings = {**os.environ, "MPLCONFIGDIR": str(tmp_path)}
+    done = subprocess.run(command, check=True, cwd=ROOT, env=settings, stdout=subprocess.PIPE, text=True)
+    assert done.stdout.strip() == "[]"
+    assert list(tmp_path.glob("fontlist*"))
 
 
 @pytest.fixture
