@@ -24,6 +24,7 @@ from models.plant import Mode, Plant
 
 MOST_DAMPING: Final = 0.99  # a mode stays below critical damping, which the closed forms of the plant need
 
+ABSOLUTE: Final = ("dead_time", "offset", "contact_damping")  # errors in a unit of their own
 ELEMENTS: Final = ("friction.stiffness", "friction.limit")  # values with a number for each friction element
 
 Array = NDArray[np.float64]
@@ -40,6 +41,7 @@ class Variation:
     damping: of the flexible modes, one number for all or one for each mode, whose number for the rigid body is without
     effect. dead_time [s] and offset [N] are added to the file's. thrust_constant: of the thrust that a command makes;
     what the file knows in newtons of thrust, friction and offset, takes so much less of the thrust reference.
+    contact_damping [s]: added to the damping of every contact over its stiffness.
 
     >>> pos.Variation(mass=0.03, dead_time=50e-6)
     Variation(mass=0.03, dead_time=5e-05)
@@ -57,6 +59,7 @@ class Variation:
     dead_time: float = 0.0
     offset: float = 0.0
     thrust_constant: float = 0.0
+    contact_damping: float = 0.0
 
     def __repr__(self) -> str:
         shown = [f"{one.name}={getattr(self, one.name)!r}" for one in fields(self) if np.any(getattr(self, one.name))]
@@ -72,7 +75,7 @@ class Variation:
             if np.ndim(given) == 1 and not isinstance(given, tuple):
                 object.__setattr__(self, one.name, tuple(float(number) for number in given))
             numbers = np.atleast_1d(np.asarray(given, float))
-            relative = one.name not in {"dead_time", "offset"}
+            relative = one.name not in ABSOLUTE
             if not np.all(np.isfinite(numbers)) or (relative and np.any(numbers <= -1)):
                 wanted = "a relative error above -1" if relative else "a finite number"
                 raise ValueError(f"{one.name}: must be {wanted}, not {given}")
@@ -122,7 +125,7 @@ def varied_plant(plant: Plant, variation: Variation) -> Plant:
 
 def varied_friction(friction: Friction, variation: Variation) -> Friction:
     """The friction with the variation's errors of force, lengths, stiffnesses and limits, and of the thrust constant;
-    its damping [N s/m] stays but for the latter.
+    its damping [N s/m] stays but for the latter and its own error, and at 0 or above.
 
     Raises ValueError for a list that is not as long as the friction has contacts.
     """
@@ -132,7 +135,8 @@ def varied_friction(friction: Friction, variation: Variation) -> Friction:
     return elements(
         np.array(friction.stiffness) / constant * (1 + variation.friction_force) / length * (1 + stiffness),
         np.array(friction.limit) * length * (1 + limit),
-        tuple(one / constant for one in friction.damping),
+        np.maximum(np.array(friction.damping) + variation.contact_damping * np.array(friction.stiffness), 0.0)
+        / constant,
     )
 
 

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 MIN_SHARE: Final = 0.05  # of the gap, below which a value is not among those that take most of it
 START: Final = "initial_friction_state"
 CONTACTS: Final = ("friction_level", "presliding_stiffness", "presliding_limit")
-MOVED_ALONE: Final = ("payload_mass", "thrust_constant", "amplifier_offset")
+MOVED_ALONE: Final = {"payload_mass": "kg", "thrust_constant": "1", "amplifier_offset": "N", "contact_damping": "s"}
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _groups(fitted: Candidate, sample_time: float) -> dict[str, _Group]:
     """All that may be moved, by name; sample_time [s]: of the records, half of which the hold takes."""
     before, after = fitted.nominal, fitted.machine
     found = dict[str, _Group]()
-    for name, unit in zip(MOVED_ALONE, ("kg", "1", "N"), strict=True):
+    for name, unit in MOVED_ALONE.items():
         number = Number("", before.unit(unit), *(_alone(name, one) for one in (before, after)))
         found[name] = _Group(_of(fitted, name), (name,), (number,))
     stated = _stated(fitted)
@@ -135,11 +135,12 @@ def _of(fitted: Candidate, name: str) -> dict[int, float]:
 
 def _alone(name: str, machine: Machine) -> float:
     """The number of a value that is moved alone [SI]."""
-    plant = machine.plant
+    plant, friction = machine.plant, machine.friction
     return {
         "payload_mass": plant.mass * plant.thrust_constant,
         "thrust_constant": plant.thrust_constant,
         "amplifier_offset": machine.drive.offset,
+        "contact_damping": sum(friction.damping) / max(sum(friction.stiffness), 1e-300),
     }[name]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.model.fit import Fit, fit, parameters_at_bounds
-from diagnosis.model.parameters import LOOSE, OF_MODES, Parameters, below_nyquist, moved
+from diagnosis.model.parameters import LOOSE, OF_MODES, Parameters, at_most_lower, below_nyquist, moved
 from diagnosis.model.residual import Candidate
 from models.effects.base import parameters as parameters_of
 from models.effects.priors import Priors
@@ -42,7 +42,7 @@ class AtBound:
 
 
 def at_bounds(candidate: Candidate) -> tuple[AtBound, ...]:
-    """The values at a bound of their range; a dead time of 0 is at none."""
+    """The values at a bound of their range; a dead time or a damping of 0 is at none."""
     layout, found = candidate.layout, list[AtBound]()
     away = moved(layout, candidate.theta)
     for i in _hit(layout, candidate.theta):
@@ -59,9 +59,10 @@ def _is_period(candidate: Candidate, one: AtBound) -> bool:
 
 
 def _hit(layout: Parameters, theta: Array) -> list[int]:
-    """The entries of theta at a bound that is not the physical one of the dead time; starts have no others."""
+    """The entries of theta at a bound that is not a physical one; starts have no others."""
     room = AT_BOUND_ROOM_SHARE * (layout.high - layout.low)
-    none = np.isin(np.array(layout.names), ("dead_time",)) & (layout.low <= -layout.machine.plant.dead_time)
+    least = at_most_lower(layout.machine)
+    none = np.array([low <= -least.get(name, np.inf) for name, low in zip(layout.names, layout.low, strict=True)])
     at = ((theta <= layout.low + room) & ~none) | (theta >= layout.high - room)
     return [int(i) for i in np.flatnonzero(at) if layout.names[i] != "initial_friction_state"]
 

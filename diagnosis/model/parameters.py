@@ -1,7 +1,8 @@
 """The nominal parameters of a machine, which are known to within a prior and re-fitted every time.
 
 The vector theta (P,) holds deviations: relative ones as logarithms (for the payload's mass, of the rigid body's gain),
-the dead time [s], the offset [N], and the friction elements' displacements [m] at the start of each record. An effect
+the dead time [s], the offset [N], the contacts' damping over their stiffness [s] where the file states how well it is
+known, and the friction elements' displacements [m] at the start of each record. An effect
 counts only for what it explains beyond these, because a gap that a re-fit closes needs no new physics.
 
 A deviation that a machine file states beside a value widens its prior and never narrows it: it says how well records
@@ -44,6 +45,7 @@ TOLERANCES: Final = {  # of the file that each parameter's prior is from, and th
     "friction_level": ("friction_level", "1"),
     "presliding_stiffness": ("stiffness", "1"),
     "presliding_limit": ("limit", "1"),
+    "contact_damping": ("", "s"),  # of which a file has no tolerance, and which only moves where it states a deviation
 }
 OF_MODES: Final = ("mode_gain", "mode_frequency", "mode_damping")
 LOOSE: Final = (
@@ -92,7 +94,9 @@ def parameters(machine: Machine, records: int) -> Parameters:
     far = np.where(np.isin(names, LOOSE), LOOSE_BOUND_STDS, PRIOR_BOUND_STDS)
     far[np.isin(names, ["payload_mass", "mode_frequency"])] = MASS_BOUND_STDS
     high = np.maximum(far * np.array(usual), PRIOR_BOUND_STDS * wide)
-    low = np.where(np.array(names) == "dead_time", np.maximum(-high, -machine.plant.dead_time), -high)
+    low = -high
+    for name, least in at_most_lower(machine).items():
+        low = np.where(np.array(names) == name, np.maximum(low, -least), low)
     start, limit = np.array(names) == "initial_friction_state", np.array(names) == "presliding_limit"
     if machine.drive.travel > 0:  # a contact that would slip beyond the travel is a spring
         within = np.log(np.maximum(machine.drive.travel / np.array(machine.friction.limit), 1.0))
@@ -111,6 +115,13 @@ def below_nyquist(machine: Machine) -> Array:
     frequency = np.array([machine.plant.modes[i].frequency for i in machine.plant.flexible])
     most = BELOW_NYQUIST * 0.5 / machine.sample_time
     return np.asarray(np.log(np.maximum(most / frequency, 1.0)))
+
+
+def at_most_lower(machine: Machine) -> dict[str, float]:
+    """How far the values may fall that a physical bound of 0 holds, by their names [SI]."""
+    friction = machine.friction
+    lags = [d / k for d, k in zip(friction.damping, friction.stiffness, strict=True) if k > 0]
+    return {"dead_time": machine.plant.dead_time, "contact_damping": max(lags, default=0.0)}
 
 
 def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
@@ -140,6 +151,10 @@ def _rows(machine: Machine, records: int) -> Iterator[tuple[str, float, float]]:
     yield "friction_level", tolerance.friction_level, tolerance.friction_level
     yield from each("presliding_stiffness", tolerance.stiffness, "friction.stiffness", len(friction.stiffness))
     yield from each("presliding_limit", tolerance.limit, "friction.limit", len(friction.limit))
+    damping = stated.get("friction.damping")
+    if damping is not None:  # tau = D_i / K_i is one time of all contacts, see models.identification.force.by_elements
+        lags = [std / k for std, k in zip(damping.deviations, friction.stiffness, strict=True) if k > 0]
+        yield "contact_damping", 0.0, max(lags)
     for _ in range(records):
         yield from (("initial_friction_state", 0.6 * limit, 0.6 * limit) for limit in friction.limit)
 
@@ -214,6 +229,7 @@ def applied(layout: Parameters, theta: Array) -> Machine:
         dead_time=float(theta[layout.of("dead_time")][0]),
         offset=float(theta[layout.of("amplifier_offset")][0]),
         thrust_constant=_relative(np.sum(theta[layout.of("thrust_constant")])),
+        contact_damping=float(np.sum(theta[layout.of("contact_damping")])),
     )
     return varied(machine, variation)
 

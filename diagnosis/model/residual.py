@@ -40,6 +40,7 @@ from models.machine import Machine
 from models.plant import Mode, Plant
 from models.records.record import Record
 from models.simulation.effect_kernel import Path, Replayed, changed, coupled, kept, replay
+from models.variation import Variation, varied_friction
 
 Array = NDArray[np.float64]
 
@@ -362,9 +363,20 @@ def _force_slopes(
     elements = np.stack([-np.array(machine.friction.stiffness), limit, z0])
     _element_slopes(residual.path.position.ravel(), elements, force[3:].reshape(3, limit.size, n * SUBSTEPS))
     slopes[:, order] = changes(model, force)
+    damping = layout.of("contact_damping")
+    if damping.size:
+        slopes[:, damping] = changes(model, _by_damping(candidate, machine, record, index, residual)[None])
     stronger = layout.of("thrust_constant")  # of the plant so far; it makes friction and the file's offset smaller
     for name, size in (("friction_level", 1.0), ("amplifier_offset", layout.machine.drive.offset)):
         slopes[:, stronger] -= size * slopes[:, layout.of(name)]
+
+
+def _by_damping(candidate: Candidate, machine: Machine, record: Record, index: int, residual: Residual) -> Array:
+    """How the net force changes with the contacts' damping over their stiffness (n, M) [N/s]."""
+    step = PROBE * record.sample_time
+    more = replace(machine, friction=varied_friction(machine.friction, Variation(contact_damping=step)))
+    known = kept(residual.acts, coupled({"friction"}, candidate.effects))
+    return np.asarray((_net(more, _acts(candidate, more, record, index, residual.path, known)) - residual.force) / step)
 
 
 @compiled

@@ -33,6 +33,7 @@ PARAMETERS: Final = (
     "mode_damping",
     "friction_level",
     "presliding_stiffness",
+    "contact_damping",
     "amplifier_offset",
     "initial_friction_state",
 )

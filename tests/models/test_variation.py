@@ -167,3 +167,12 @@ def test_deviations_that_are_not_one_for_each_number_are_none() -> None:
     short = Provenance("identified", "a record", std=(1.0,))
     machine = MACHINE.with_value("friction.stiffness", MACHINE.friction.stiffness, short)
     assert {one.name: one.origin for one in known(machine)}["friction.stiffness"] == "usual"
+
+
+def test_the_contacts_damping_moves_by_one_time_of_all_and_never_below_none() -> None:
+    friction = elements([2e6, 1e6], [1e-6, 1e-5], [200.0, 300.0])
+    more, less = (varied_friction(friction, Variation(contact_damping=lag)) for lag in (1e-4, -2e-4))
+    assert more.damping == pytest.approx((400.0, 400.0))
+    assert less.damping == pytest.approx((0.0, 100.0))
+    stronger = varied_friction(friction, Variation(contact_damping=1e-4, thrust_constant=0.25))
+    assert stronger.damping == pytest.approx((320.0, 320.0))
