@@ -271,9 +271,10 @@ def _net(machine: Machine, acts: Replayed) -> Array:
 def beside_plant(candidate: Candidate, force: Array, acts: Replayed, sample_time: float) -> Array:
     """What the effects add to the plant's motion in the reading (n,) [m]: what they change in it, and the motion of
     their vibration modes, under the net force (n, M) [N] or the friction."""
-    added, constant = np.array(acts.reading), candidate.machine.plant.thrust_constant
-    for effect in candidate.effects:
-        for mode in effect.modes():
+    added, modes = np.array(acts.reading), [(effect, mode) for effect in candidate.effects for mode in effect.modes()]
+    if modes:
+        constant = candidate.machine.plant.thrust_constant
+        for effect, mode in modes:
             added += modal(mode, constant * driving(effect, force, acts), sample_time)
     return added
 
@@ -415,16 +416,19 @@ def columns(
 
     def part(i: int, record: Record, path: SmoothedPath, one: Residual) -> Array:
         force, reading = np.empty((len(trials), *one.force.shape)), np.empty((len(trials), record.position.size))
+        before = beside_plant(candidate, one.force, one.acts, record.sample_time)
         for j, trial in enumerate(trials):
             other = replace(candidate, effects=tuple(trial))
-            force[j], reading[j] = _differences(other, candidate, machine, record, i, path, one)
+            force[j], reading[j] = _with_others(other, candidate, machine, record, i, path, one)
+        force -= one.force
+        reading -= before
         model = candidate.predictor(record.sample_time, walk, i)
         return changes(model, force, -reading if np.any(reading) else None)
 
     return np.concatenate(list(parallel_map(part, range(len(records)), records, paths, residuals)))
 
 
-def _differences(
+def _with_others(
     other: Candidate,
     candidate: Candidate,
     machine: Machine,
@@ -433,11 +437,11 @@ def _differences(
     path: SmoothedPath,
     residual: Residual,
 ) -> tuple[Array, Array]:
-    """What differs between two candidates of equal theta in the net force (n, M) [N] and in the reading (n,) [m]."""
+    """The net force (n, M) [N] with the effects of another candidate of equal theta, and what these add to the plant's
+    motion in the reading (n,) [m]."""
     same = kept(residual.acts, changed(candidate.effects, other.effects))
     acts = _acts(other, machine, record, index, residual.path, same)
     if np.any(acts.reading != residual.acts.reading):
         acts = _acts(other, machine, record, index, shifted(path, acts.reading - path.added))
     force = _net(machine, acts)
-    before = beside_plant(candidate, residual.force, residual.acts, record.sample_time)
-    return force - residual.force, beside_plant(other, force, acts, record.sample_time) - before
+    return force, beside_plant(other, force, acts, record.sample_time)
