@@ -99,7 +99,9 @@ def replay(
         if "thrust" in anew:
             before = float(course.command[0] if start is None else start)
             found["sent"] = _sent(taken, course, dead_time, thrust_limit, before)
-    flags = np.array([name in anew for name in ("thrust", "friction", "force")])
+    if "thrust" in anew and not any(Place.THRUST in effect.hooks for effect in acting):
+        found["thrust"] = np.array(found["sent"])
+    flags = np.array([name in anew and name not in found for name in ("thrust", "friction", "force")])
     if flags.any():
         thrust, rubbing, force = (np.empty_like(course.position) if flag else empty for flag in flags)
         elements = np.array([friction.limit, *([friction.damping] if any(friction.damping) else [])])
