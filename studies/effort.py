@@ -61,7 +61,7 @@ def more_samples(machine: Machine, rows: int, held: int, records: int, most: int
         return ""
     most = math.ceil(count / 1000) * 1000
     _, memory = diagnosing(machine, most, records + 1)
-    return f"with its record, give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
+    return f"give --most-samples {most}, which takes about {memory / 1e9:.2g} GB of memory"
 
 
 def period(machine: Machine) -> float:

@@ -14,7 +14,6 @@ from diagnosis.experiments.schedules import (
     SUITE_SAMPLES,
     Move,
     Schedule,
-    Step,
     quickest,
     room,
     schedule,
@@ -37,7 +36,9 @@ ROLLING: Final = 0.005  # of the rated speed: the axis rolls under the sweep
 STRONG: Final = 0.1  # of the rated thrust: the most of a sweep's force
 LEVELS: Final = {"sweep_low.csv": 0.3, "sweep_high.csv": 1.0}  # of the strongest sweep
 KEEPS_ROLLING: Final = 0.3  # of that speed: the most that a sweep's force may make the table oscillate
-REST: Final = 10  # settling times
+REST: Final = 10  # settling times after a stroke, fewer where the strokes would have more samples than this
+STROKES_SAMPLES: Final = 90_000  # as the suite's: a diagnosis takes both
+SHORTEST_REST: Final = 2  # settling times
 
 
 def axis_references(machine: Machine) -> dict[str, Schedule]:
@@ -105,16 +106,10 @@ def _strokes(machine: Machine) -> Schedule:
     """Strokes of the specification, of half and up to ten times its length, up and down, each with its rigid body's
     feedforward. The longest come first: from their end on the friction's state is known, and a fit begins there."""
     wanted = machine.specification
-    steps: list[Step] = []
     far = min(10.0, room(machine) / (wanted.motions * wanted.stroke))  # specified strokes
-    for size in (far, 1.0, 0.5):
-        for sign in (1, -1):
-            steps += [_move(machine, sign * size * wanted.stroke)] * wanted.motions
+    sizes = np.repeat([sign * size * wanted.stroke for size in (far, 1.0, 0.5) for sign in (1, -1)], wanted.motions)
+    durations = [max(wanted.reference_settling_time, quickest(machine, abs(size), 0.6)) for size in sizes]
+    left = (STROKES_SAMPLES * machine.sample_time - wanted.settling_time - sum(durations)) / sizes.size
+    rest = max(min(REST * wanted.settling_time, left), SHORTEST_REST * wanted.settling_time)
+    steps = [Move(float(size), duration, rest) for size, duration in zip(sizes, durations, strict=True)]
     return schedule("strokes", machine, steps, lead=wanted.settling_time)
-
-
-def _move(machine: Machine, distance: float) -> Move:
-    """A move [m] as quick as the specification wants it and 60 % of the rated thrust allow, and then a rest."""
-    wanted = machine.specification
-    duration = max(wanted.reference_settling_time, quickest(machine, abs(distance), 0.6))
-    return Move(distance, duration, REST * wanted.settling_time)

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 PEAK_SPEED = 35 / 16  # peak speed of a move over its mean speed
 PEAK_ACCELERATION = 7.5131884  # peak acceleration of a move, in units of distance / duration^2
-SUITE_SAMPLES: Final = 90_000  # of the 120,000 that a diagnosis takes by default: other records are beside the suite
+SUITE_SAMPLES: Final = 90_000  # of the 200,000 that a diagnosis takes by default: other records are beside the suite
 RAMP: Final = 0.2  # periods of the lowest frequency in which a multisine begins, and in which it ends
 SHORTER: Final = (1.0, 0.8, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # of the usual rests
 SHORTEST_RESTS: Final = (0.2, 0.1, 0.05)  # likewise, where experiments are left out: a stroke has to remain

@@ -339,7 +339,8 @@ def _was_run(circle: Circle, text: str) -> bool:
 def _more_samples(circle: Circle, text: str) -> str:
     """What to give along with the record of a table, where it makes them more samples than a diagnosis takes."""
     records, most = len(circle.of("diagnose")), circle.options.most_samples
-    return more_samples(circle.machine, text.count("\n") - 1, _held(circle), records, most)
+    needs = more_samples(circle.machine, text.count("\n") - 1, _held(circle), records, most)
+    return f"with its record, {needs}" if needs else ""
 
 
 def with_remark(why: str, remark: str) -> str:

@@ -36,12 +36,12 @@ from studies.command import to_text
 from studies.full_circle import redesigning
 from studies.full_circle.policies import POLICIES
 from studies.gap_diagnosis.course import confirmed
-from studies.gap_diagnosis.options import MOST_SAMPLES
 
 SHARES: Final = (0.95, 0.8, 0.65, 0.5)  # of the largest feedforward that designs have, as far as they go
 RUNS: Final = 39  # machines that could be this one
 COMPARED_RUNS: Final = 9
 EACH: Final = 5  # rounds of learning on a bench
+DIAGNOSED_SAMPLES: Final = 120_000  # that a machine is asked for at most: a diagnosis of them takes some minutes
 
 Ask = Callable[[str, Schedule, Mapping[str, Any] | None], Mapping[str, Any]]
 
@@ -101,7 +101,7 @@ def circle(machine: Machine, limits: Limits, ask: Ask, settings: active.Settings
 def _asked(work: _Work, first: Record, settings: active.Settings, terms: Terms) -> active.Asked:
     """The diagnosis that asks for its records, the first of which is that of the design in place."""
     machine, limits = work.machine, work.limits
-    seconds = min(terms.seconds, limits.machine_time, MOST_SAMPLES * machine.sample_time)
+    seconds = min(terms.seconds, limits.machine_time, DIAGNOSED_SAMPLES * machine.sample_time)
 
     def run(references: Schedule) -> Record | active.NotRun:
         told = work.ask("main", references, None)

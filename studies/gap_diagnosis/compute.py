@@ -415,10 +415,11 @@ def _next(beside: Evidence, machine: Machine, samples: Sequence[int], most: int)
         return None
     given = beside.proposal.schedule.given
     step = max(given.position.size // 2000, 1)
+    needs = more_samples(machine, given.position.size, sum(samples), len(samples), most)
     return {
         "name": beside.proposal.schedule.name,
         "duration_s": given.position.size * machine.sample_time,
-        "needs": more_samples(machine, given.position.size, sum(samples), len(samples), most),
+        "needs": f"with its record, {needs}" if needs else "",
         "time_s": [machine.sample_time * i for i in range(0, given.position.size, step)],
         "reference_m": given.position[::step].tolist(),
         "feedforward_N": (given.feedforward + given.compensation)[::step].tolist(),

@@ -10,9 +10,10 @@ from models.records.tables.formats import LISTED
 from studies.options import files, path, paths, quantity, text, texts, whole, wholes
 from studies.record_options import RecordOptions
 
-# Of all records together, by default: 150,000 took 2.2 GB, and 105,000 of two records 2.3. What the null keeps of the
-# effects takes 1.5 kB a sample, and what two threads compute of them at a time the rest.
-MOST_SAMPLES: Final = 120_000
+# Of all records together, by default: as many as MAX_MEMORY_BYTES hold of several records, and as the two tables take
+# that --write-references writes for a diagnosis. 150,000 took 2.2 GB, and 105,000 of two records 2.3: what the null
+# keeps of the effects takes 1.5 kB a sample, and what two threads compute of them at a time the rest.
+MOST_SAMPLES: Final = 200_000
 
 
 def samples_at_most() -> Any:
@@ -20,7 +21,7 @@ def samples_at_most() -> Any:
     return whole(
         "N",
         "of all records together; more are refused, as each takes about 14 kB of memory, and 21 kB of several records "
-        f"(default: {MOST_SAMPLES:,}, which take up to 2.5 GB)",
+        f"(default: {MOST_SAMPLES:,}, which take up to 4.2 GB)",
         1,
         default=MOST_SAMPLES,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -12,7 +13,9 @@ from diagnosis.experiments.schedules import Schedule, to_csv
 from models.machine import Machine, to_json
 from models.quantity import show
 from studies.command import DONE, to_text
+from studies.effort import LOG_LENGTH_RATIO, more_samples
 from studies.folder import Place, atomic_folder, require_free
+from studies.gap_diagnosis.options import MOST_SAMPLES
 from studies.identify_machine.options import IdentificationOptions
 from studies.manifest import FORMAT, hashes, versions
 from studies.study import machine_for
@@ -39,6 +42,9 @@ def write(options: IdentificationOptions) -> int:
     for name, one in planned.items():
         print(f"{name:<16}{_extent(one, machine)}")
     print(_room(tuple(planned.values()), machine))
+    rows = [planned[name].target.size for name in ("strokes.csv", "suite.csv")]
+    if more := more_samples(machine, rows[0], math.ceil(LOG_LENGTH_RATIO * rows[1]), 1, MOST_SAMPLES):
+        print(f"for a diagnosis of the records of strokes.csv and suite.csv, {more}")
     print(
         "check that these travels and forces are safe on your axis; record command and position beside the references"
     )

@@ -123,4 +123,4 @@ def test_a_record_that_makes_them_too_many_needs_more_samples_and_memory() -> No
     assert not more_samples(machine, 10_000, 50_000, 1, 120_000)
     assert not more_samples(machine, 20_000, 99_000, 1, 120_000)  # 5 % more than the table
     told = more_samples(machine, 20_001, 99_000, 1, 120_000)
-    assert told == "with its record, give --most-samples 121000, which takes about 2.5 GB of memory"
+    assert told == "give --most-samples 121000, which takes about 2.5 GB of memory"

@@ -12,7 +12,10 @@ import pytest
 from diagnosis.experiments.references import FILE_NAMES, axis_references
 from models.effects.structure import CableSpring
 from models.machine import load
+from models.machine_file import save
 from models.quantity import parse
+from studies.effort import DIAGNOSED, MAX_MEMORY_BYTES, TRANSFERRED
+from studies.gap_diagnosis.options import MOST_SAMPLES
 from studies.identify_machine.__main__ import main
 from studies.identify_machine.references import _room
 from studies.new_machine.__main__ import main as new_machine
@@ -50,6 +53,20 @@ def test_the_travels_of_a_rotary_axis_are_angles(tmp_path: Path, capsys: pytest.
     extents = [line for line in capsys.readouterr().out.splitlines() if ", from " in line]
     assert len(extents) == 5
     assert all(re.search(r"from .*rad to .*rad, u_ff up to [\d.e-]+ N m$", line) for line in extents)
+
+
+def test_a_diagnosis_takes_what_is_written_or_says_what_to_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only an axis that takes very many samples to settle has tables that a diagnosis refuses by default."""
+    assert MOST_SAMPLES * DIAGNOSED * TRANSFERRED < MAX_MEMORY_BYTES
+    machine, file, folder = load(), tmp_path / "axis.toml", ["--write-references", str(tmp_path / "run")]
+    for settling, more in ((0.3, False), (1.5, True)):
+        wanted = replace(machine.specification, settling_time=settling, interval=2 * settling)
+        save(replace(machine, specification=wanted), file)
+        assert main(["--machine", str(file), *folder]) == 0
+        told = capsys.readouterr().out
+        assert ("for a diagnosis of the records of strokes.csv and suite.csv, give --most-samples " in told) == more
 
 
 def test_where_the_axis_has_to_stand_and_what_a_stated_spring_takes_is_said() -> None:

@@ -18,6 +18,8 @@ from models.plant import Mode, Plant
 from models.records.files import Loaded
 from models.records.record import Record
 from models.simulation.simulator import simulate
+from studies.effort import LOG_LENGTH_RATIO
+from studies.gap_diagnosis.options import MOST_SAMPLES
 
 
 def smaller(machine: Machine, factor: float) -> Machine:
@@ -136,3 +138,17 @@ def test_strokes_are_recognised() -> None:
     record = run(machine, "strokes.csv")
     assert recognised(machine, Loaded("strokes", "", record, (), ())) == "motion"
     assert START < begin(record) < 0.3 * record.position.size  # a fit of it knows the friction's state from there on
+
+
+@pytest.mark.parametrize(("settling", "rests"), [(0.025, 10.0), (0.1, 10.0), (0.2, 6.9), (0.8, 2.0)])
+def test_strokes_and_suite_are_short_enough_for_a_diagnosis_by_default(settling: float, rests: float) -> None:
+    """A cascade at 8 kHz was asked for strokes of 156,000 samples, which a diagnosis refused; rests of two settling
+    times are the least that show a motion settle."""
+    machine = load()
+    wanted = replace(machine.specification, settling_time=settling, reference_settling_time=0.6 * settling)
+    machine = replace(machine, specification=wanted)
+    planned = axis_references(machine)
+    strokes, whole = planned["strokes.csv"], sum(planned[name].target.size for name in ("strokes.csv", "suite.csv"))
+    last = strokes.target.size - np.flatnonzero(np.diff(strokes.given.position))[-1]
+    assert last * machine.sample_time / settling == pytest.approx(rests, rel=0.02)
+    assert whole * LOG_LENGTH_RATIO < MOST_SAMPLES or rests == 2.0
