@@ -112,6 +112,7 @@ def _explained(
         at_bound=strongest_at_bound(stages),
         repeats=any(repeats(type(one)) for one in fitted.candidate.added_effects),
         rough=fitted.candidate.rough,
+        interpolated=baseline.interpolated,
         by_force=closure.by_force,
         force_excess=closure.force_excess,
         largest_innovation=largest(fitted).deviations,

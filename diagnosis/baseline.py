@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache as once
 from functools import cached_property, partial
 from operator import call
 from pathlib import Path
@@ -19,7 +20,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.null import Null, StartedNull, start_null
 from diagnosis.records.motions import Piece, numbered, pieces
 from diagnosis.records.units import loop_time, with_units
-from diagnosis.refit import CALLED, weighed, within_rating
+from diagnosis.refit import CALLED, rough_records, weighed, within_rating
 from diagnosis.where.added import with_the_added
 from diagnosis.where.controller import Replayed, added_signals, replayed, reproduces
 from models.machine import Machine
@@ -37,7 +38,8 @@ class Baseline:
 
     known_replays: of the controller on the records as they were logged, where signals that were added behind the
     controller have gone into their feedforward. given: the machine as its file has it, where it has fewer friction
-    elements than the records show."""
+    elements than the records show. interpolated: whether records are rough, but none more so than interpolation between
+    the samples of their logs makes those of a complete model."""
 
     nominal: Fit
     records: tuple[Record, ...]
@@ -46,6 +48,7 @@ class Baseline:
     criteria: Criteria = Criteria()
     known_replays: tuple[Replayed, ...] = ()
     given: Machine | None = None
+    interpolated: bool = False
 
     @property
     def machine(self) -> Machine:
@@ -83,7 +86,7 @@ class Baseline:
         """The nominal values that the re-fit moves where nothing is wrong, by how many of their tolerances [1], the
         farthest first: where contacts slip within less than the scale can tell, friction along a smoothed path is
         another one. Of a drive that is rougher than its model, none: its values are moved by what makes it rough."""
-        if self.nominal.candidate.rough:
+        if self.nominal.candidate.rough and not self.interpolated:
             return {}
         names = [name for name in self.nominal.candidate.layout.names if name != "initial_friction_state"]
         largest: dict[str, float] = {}
@@ -143,17 +146,20 @@ def refit_and_null(
         call,
         (lambda: within_rating(machine, records), lambda: start_null(layout, records, cache=cache, say=told)),
     )
-    _require_smooth(records, first, criteria)
     motions = pieces(records, loop_time(machine))
     finer = with_finer_friction(smooth, records, numbered(motions, records), criteria)
-    nominal = weighed(finer, records, criteria, first.usual)
+    usual = once(first.usual)
+    nominal = weighed(finer, records, criteria, usual)
+    rough, by_log = rough_records(finer, records, criteria, usual)
     if nominal.candidate.rough or finer is not smooth:  # what chance gains depends on the roughness and on the elements
-        del first  # its columns are large
+        del first, usual  # their columns are large
         candidate = nominal.candidate
         first = start_null(candidate.layout, records, cache=cache, say=told, roughness=candidate.roughness)
+    _require_smooth(records, first, criteria)
     chance = first.completed(told)
     given = smooth.candidate.nominal if finer is not smooth else None
-    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given)
+    interpolated = bool(rough.any() and by_log[rough].all())
+    return Baseline(nominal, tuple(records), motions, chance, criteria, known, given, interpolated)
 
 
 def _require_smooth(records: Sequence[Record], null: StartedNull, criteria: Criteria) -> None:
@@ -169,7 +175,7 @@ def _require_smooth(records: Sequence[Record], null: StartedNull, criteria: Crit
             "more than these show, along a reference that steps or as the loop answers the noise of every reading: "
             f"interpolation leaves {usual[worst]:.2g} times what the scale's noise does where nothing is wrong, of "
             f"{criteria.filled_most_left:g} at most; log all of the samples or more of them, for a shorter time or of "
-            "fewer signals"
+            "fewer signals, or state less noise of the scale if its readings have less"
         )
 
 

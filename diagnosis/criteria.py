@@ -102,9 +102,10 @@ class Criteria:
     filled_most_left: float = _criterion(
         2.0,
         "1",
-        "chi-square per sample that a complete model leaves of a log of one of several samples, if it is to be taken",
+        "chi-square per sample that a complete model leaves of a log of one of several samples, beyond which this "
+        "counts as roughness of its record",
         "a cascade of 70 Hz logged at 1 kHz left 1.5; the default table, every second sample, 5, which moved its modes "
-        "by eight deviations",
+        "by eight deviations under the usual weights",
     )
 
     filled_shift: float = _criterion(

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from diagnosis.criteria import Criteria
 from diagnosis.model.at_bounds import freed, mode_at_bounds, stated_at_bounds
 from diagnosis.model.fit import Fit, coordinates, fit, weights
-from diagnosis.model.parameters import Parameters, parameters
-from diagnosis.model.residual import Candidate, SmoothedPath
+from diagnosis.model.parameters import PRIOR_BOUND_STDS, Parameters, parameters
+from diagnosis.model.residual import Candidate, SmoothedPath, smooth
 from diagnosis.model.roughness import steady_variance, unmodelled_variance, variance_by_record
 from diagnosis.model.start_states import has_fine_scale, search, static_equilibrium_start
+from diagnosis.model.unknown_force import unknown_force
 from diagnosis.records.units import loop_time, slow_walk
 from models.effects.base import Effect
 from models.effects.catalogue import in_order
@@ -93,14 +94,26 @@ def weighed(
     2004, estimate such a diffusion by likelihood, which takes up a law that is missing as well). Where a white force as
     large as the commands (their deviation) is not enough, there is no such force, and the weights stay. usual: gives
     the variance of what complete models leave of each record [1], if it is known; called where a record may be rough.
+    Where interpolation between a log's samples makes it large, that is such a force of this record, too.
     """
-    candidate = fitted.candidate
+    rough, _ = rough_records(fitted, records, criteria, usual)
+    rough |= np.array([fitted.candidate.roughness_of(i) for i in range(len(records))]) > 1
+    return _weighed(fitted, records, rough) if rough.any() else fitted
+
+
+def rough_records(
+    fitted: Fit, records: Sequence[Record], criteria: Criteria, usual: Callable[[], Sequence[float]] | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which records are far rougher than their weights promise, and which of these are no rougher than interpolation
+    between their log's samples makes those of a complete model (R,). usual: see `weighed`."""
     apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)
     rough = apart > criteria.rough_variance
-    if usual and rough.any():
-        rough = apart > criteria.rough_variance * np.maximum(usual(), 1.0)
-    rough |= np.array([candidate.roughness_of(i) for i in range(len(records))]) > 1
-    return _weighed(fitted, records, rough) if rough.any() else fitted
+    if not usual or not rough.any():
+        return rough, np.zeros(rough.size, bool)
+    left, filled = np.maximum(usual(), 1.0), np.array([record.every > 1 for record in records])
+    beyond = apart > criteria.rough_variance * left
+    by_log = rough & ~beyond & filled & (left > criteria.filled_most_left)
+    return beyond | by_log, by_log
 
 
 def noise_alone(fitted: Fit, records: Sequence[Record], criteria: Criteria, usual: Sequence[float]) -> Array | None:
@@ -182,7 +195,7 @@ def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     """The re-fit with the rating as it is stated or, where that leaves clearly less, as it was seen to be exceeded."""
     most = max(float(np.max(np.abs(record.command))) for record in records)
     effects = in_order(machine.effects)
-    layout = parameters(machine, len(records))
+    layout = _with_any_load(parameters(machine, len(records)), records, effects)
     if most <= machine.drive.rated_thrust:
         return refit(layout, records, effects)
     drive, sources = replace(machine.drive, rated_thrust=most), {**machine.sources, RATED: FOLLOWED}
@@ -192,6 +205,20 @@ def _within_rating(machine: Machine, records: Sequence[Record]) -> Fit:
     if follows.cost - bounded.cost > MIN_CHI_SQUARE_GAIN:  # another drive: what it was fitted from may be no good start
         found.append(refit(layout, records, effects))
     return min(found, key=lambda fitted: fitted.cost)
+
+
+def _with_any_load(layout: Parameters, records: Sequence[Record], effects: tuple[Effect, ...]) -> Parameters:
+    """The layout with as wide a prior of the offset as the constant force that the machine as delivered leaves, where
+    that is beyond the offset's bound: a load on a vertical axis, or a spring that was taken off. Innovations hardly
+    tell it, as the filter's own unknown force follows what is constant; the usual prior had bent other values."""
+    candidate = Candidate(layout, static_equilibrium_start(layout, records), effects)
+    left = np.concatenate(unknown_force(candidate, records, smooth(candidate, records)))
+    constant, at = abs(float(np.nanmean(left))), layout.of(OFFSET)
+    if constant <= layout.high[at]:
+        return layout
+    deviation, low, high = layout.deviation.copy(), layout.low.copy(), layout.high.copy()
+    deviation[at], low[at], high[at] = constant, -PRIOR_BOUND_STDS * constant, PRIOR_BOUND_STDS * constant
+    return replace(layout, deviation=deviation, low=low, high=high)
 
 
 def with_new_starts(fitted: Fit, records: Sequence[Record]) -> Fit:

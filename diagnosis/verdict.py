@@ -33,7 +33,9 @@ class Explanation:
     series expansion of another law; at_bound: whether the strongest had to leave its prior range; repeats: whether a
     law does, of which a long period draws any curve. closure and its 95 % interval [1]; excess: of what is left over
     the noise floor, in standard deviations [1]; largest_innovation, in standard deviations, and spike, from which on it
-    stands out [1]; rough: the drive is rougher than its model; by_force: the closure is that of the unknown force, as
+    stands out [1]; rough: the drive is rougher than its model; interpolated: but
+    no more so than interpolation between the samples of its log makes any; by_force: the closure is that of the unknown
+    force, as
     innovations hardly exceed the floor at all, and force_excess is of what is left of it over its own floor, in
     deviations [1]; parameter_shift: chi-square of the nominal parameters' shifts [1].
     """
@@ -47,6 +49,7 @@ class Explanation:
     at_bound: bool = False
     repeats: bool = False
     rough: bool = False
+    interpolated: bool = False
     by_force: bool = False
     force_excess: float = math.inf
     largest_innovation: float = 0.0
@@ -65,7 +68,8 @@ def verdict(given: Explanation, criteria: Criteria = Criteria()) -> Outcome:
     if given.names and surely_some and own_law and _closes_enough(given, criteria):
         return Outcome.ATTRIBUTED
     stands_out = given.largest_innovation > given.spike
-    if given.names or given.rough or stands_out or given.excess > criteria.missing_excess:
+    rough = given.rough and not given.interpolated
+    if given.names or rough or stands_out or given.excess > criteria.missing_excess:
         return Outcome.NONE
     return Outcome.PARAMETERS if given.parameter_shift > criteria.parameter_shift else Outcome.NOTHING
 

@@ -31,7 +31,7 @@ from diagnosis.learned.learn import Learned
 from diagnosis.model.fit import Fit, fit, without
 from diagnosis.model.parallel import parallel_map
 from diagnosis.model.residual import Candidate, SmoothedPath, smooth
-from diagnosis.refit import CALLED
+from diagnosis.refit import CALLED, OFFSET
 from models.machine import Machine
 
 Array = NDArray[np.float64]
@@ -335,6 +335,15 @@ def sums(left: Errors, baseline: Baseline) -> Sums:
 
 def _errors(candidate: Candidate, baseline: Baseline, paths: Sequence[SmoothedPath]) -> Errors:
     return errors_of(candidate, baseline.records, paths, baseline.driving)
+
+
+def beside_doubted(baseline: Baseline, delivered: File) -> list[File]:
+    """What may be handed over in place of a re-fit that is not believed: the machine as delivered with its offset
+    fitted, where the log is what the file says and this surely leaves less force and does no harm."""
+    if any(one.is_another_log for one in baseline.replays) or OFFSET in baseline.biased:
+        return []
+    simpler = offset_alone(baseline, delivered)
+    return [simpler] if _better(simpler, delivered) and not _harms(simpler, delivered) else []
 
 
 def offset_alone(baseline: Baseline, delivered: File) -> File:

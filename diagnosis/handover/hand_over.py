@@ -20,6 +20,7 @@ from diagnosis.handover.gate import (
     Harm,
     Sums,
     as_delivered,
+    beside_doubted,
     chosen,
     file_of,
     is_believed,
@@ -226,7 +227,8 @@ def _gated(
     refitted, with_effects = files[:1], files[1:]
     judged = (*files, *learned) if adopted else (*refitted, *learned)
     doubted = [one for one in judged if not is_believed(one, baseline)]
-    may = [delivered, *(one for one in judged if one not in doubted)]
+    instead = beside_doubted(baseline, delivered) if refitted[0] in doubted else []
+    may = [delivered, *instead, *(one for one in judged if one not in doubted)]
     handover = chosen(may, lambda: offset_alone(baseline, delivered), incomplete=outcome is Outcome.NONE)
     if adopted and with_effects and handover.adopted.name not in {Content.EFFECTS, Content.MEASURED}:
         handover = _with_some(handover, with_effects[0], baseline)

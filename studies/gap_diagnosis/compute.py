@@ -16,18 +16,15 @@ import numpy as np
 
 from design.judging.known_range import with_covered
 from diagnosis.baseline import driving_record, refit_and_null
-from diagnosis.diagnose import NAMED, Diagnosis
+from diagnosis.diagnose import Diagnosis
 from diagnosis.diagnose import to_json as verdict_of
 from diagnosis.evidence import Evidence, examined
 from diagnosis.experiments.active import Settings
 from diagnosis.experiments.schedules import SUITE_SAMPLES, suite, to_csv
-from diagnosis.handover.files import Content
 from diagnosis.handover.gate import leaves_more
 from diagnosis.handover.overrun import OVERRUN, as_reported, overrun
 from diagnosis.handover.transfer import on_record
 from diagnosis.improved import improved_machine, unchanged, without_effects
-from diagnosis.model.parameters import moved, priors
-from diagnosis.model.residual import Candidate
 from diagnosis.model.roughness import variance_by_record
 from diagnosis.records.at_rest import swing_at_rest
 from diagnosis.records.motions import PIECE_LOOP_TIMES, Piece
@@ -52,6 +49,7 @@ from studies.gap_diagnosis.course import confirmed, copies, course
 from studies.gap_diagnosis.options import DiagnosisOptions
 from studies.gap_diagnosis.records import disabled, held_out, loaded
 from studies.gap_diagnosis.settling import settling_told
+from studies.gap_diagnosis.shifts import shifts
 from studies.gap_diagnosis.stated_effects import stated_effects
 from studies.options import BadInputError
 from studies.sticking import found_in
@@ -274,7 +272,7 @@ def _results(
         "truth": given.truth,
         "records": _with_motions(given.shown, found.baseline.pieces),
         "motion_part_s": PIECE_LOOP_TIMES * loop_time(found.baseline.machine),
-        "shifts": _shifts(found),
+        "shifts": shifts(found),
         "moved_most": moved_most.rows(found, plain["how_far"]),
         "friction_elements": _friction_elements(found),
         "criteria": [
@@ -304,76 +302,6 @@ def _with_motions(shown: Sequence[Mapping[str, Any]], pieces: Sequence[Piece]) -
     return [{**one, "motions": count} for one, count in zip(shown, counts, strict=True)]
 
 
-def _shifts(found: Diagnosis) -> list[dict[str, Any]]:
-    """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
-    friction's initial state: by the re-fit alone, in the file that is handed over, and beside effects where there are
-    some; and the usual bound."""
-    usual = found.baseline.nominal.candidate.layout
-    refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
-    beside = _beside_effects(found)
-    fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
-    known = {one.name: one for one in priors(usual)}
-    rows = []
-    for name in dict.fromkeys(fits[0].layout.names):
-        if name != "initial_friction_state":
-            away = [moved(one.layout, one.theta)[one.layout.of(name)] for one in fits]
-            most = [float(one[abs(one).argmax()]) for one in away]
-            in_file = most[-1] if adopted.finished else 0.0
-            bound = float((usual.high / usual.deviation)[usual.of(name)].max())
-            row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
-            prior = known[name]
-            told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
-            row |= {"beside": _most_moved(name, beside), "in_all_beside": _of_all_contacts(name, beside)}
-            row |= {"delay": _whole_delay(name, fits[0]), "delay_beside": _whole_delay(name, beside)}
-            rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
-    return rows
-
-
-def _beside_effects(found: Diagnosis) -> Candidate | None:
-    """The candidate with the effects that are named, or with the law that is handed over; None without either."""
-    handover = found.how_far.handover
-    if found.outcome in NAMED:
-        return found.told.candidate
-    fitted = handover.adopted.finished
-    return fitted.candidate if fitted is not None and handover.adopted.name == Content.MEASURED else None
-
-
-def _most_moved(name: str, fitted: Candidate | None) -> float | None:
-    """By how many standard deviations of its tolerance [1] the value of this kind that moved the most was moved."""
-    if fitted is None:
-        return None
-    away = moved(fitted.layout, fitted.theta)[fitted.layout.of(name)]
-    return float(away[abs(away).argmax()])
-
-
-def _whole_delay(name: str, fitted: Candidate | None) -> float | None:
-    """By how much dead time and lags together were moved [s]; None for other values."""
-    if fitted is None or name != "dead_time":
-        return None
-    before, after = fitted.nominal, fitted.machine
-    lag = sum(one.input_delay() for one in fitted.effects) - sum(one.input_delay() for one in before.effects)
-    return after.plant.dead_time - before.plant.dead_time + lag
-
-
-def _of_all_contacts(name: str, fitted: Candidate | None) -> float | None:
-    """By what part of itself [1] the force of all contacts where they slip (the friction's level), their stiffness
-    together or their mean displacement at slip was moved; None for other values. That of a single contact, which the
-    others nearly make up for, is hardly known."""
-    if fitted is None or name not in {"friction_level", "presliding_stiffness", "presliding_limit"}:
-        return None
-    layout, friction = fitted.layout, fitted.layout.machine.friction
-    level, stiffer, longer = (
-        fitted.theta[layout.of(one)] for one in ("friction_level", "presliding_stiffness", "presliding_limit")
-    )
-    stiffness = np.array(friction.stiffness)
-    force = stiffness * friction.limit
-    if name == "presliding_limit":
-        return float(np.average(np.expm1(longer), weights=force))
-    if name == "presliding_stiffness":
-        return float(np.average(np.expm1(level + stiffer), weights=stiffness))
-    return float(np.average(np.expm1(level + stiffer + longer), weights=force))
-
-
 def _entry(name: str) -> dict[str, Any]:
     kind = every()[name]
     doc = (kind.__doc__ or "").strip().splitlines()[0]
@@ -391,8 +319,9 @@ def _not_looked_for(machine: Machine) -> list[str]:
 
 def _white_force(found: Diagnosis) -> dict[str, Any]:
     """Of a drive as smooth as its model, of the roughest record, and of each [N]; the values that the re-fit would
-    move under the first of them where nothing is wrong, by how many of their tolerances [1]; whether what is left under
-    them may be noise; and where nothing is named, the white force of each record [N] that leaves no more than that.
+    move under the first of them where nothing is wrong, by how many of their tolerances [1]; of how many samples each
+    record's log has one; whether what is left under them may be noise; and where nothing is named, the white force of
+    each record [N] that leaves no more than that.
     """
     candidate, baseline = found.final.candidate, found.baseline
     usual = candidate.usual_white_force
@@ -403,6 +332,8 @@ def _white_force(found: Diagnosis) -> dict[str, Any]:
         "usual": usual,
         "taken": candidate.white_force,
         "by_record": by_record,
+        "interpolated": baseline.interpolated,
+        "log_has_one_of": [record.every for record in baseline.records],
         "biased": biased,
         "may_be_noise": bool(np.all(even >= baseline.criteria.whiteness_of_a_drive)),
         "alone": None if found.noise is None else found.noise.tolist(),

@@ -190,8 +190,8 @@ def _handed_over(results: Results) -> list[str]:
             "As the log, or the controller in the file, is not what the file says, nothing that is fitted to it is the "
             f"machine's. {FILES[Content.DELIVERED]}"
         )
-    elif results["white_force_N"].get("biased") and far["adopted_file"] == Content.DELIVERED:
-        told.append(f"The re-fit is not believed. {FILES[Content.DELIVERED]}")
+    elif results["white_force_N"].get("biased") and far["adopted_file"] in {Content.DELIVERED, Content.OFFSET}:
+        told.append(f"The re-fit is not believed. {FILES[far['adopted_file']]}")
     if results.get("at_random"):
         told.append(
             "What shakes at random is in improved.toml as sines as strong as it is, with an arbitrary phase, for "

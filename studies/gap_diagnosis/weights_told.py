@@ -45,12 +45,22 @@ def roughness(results: Results) -> list[str]:
     they promise; in sentences."""
     force, told = results["white_force_N"], []
     taken = show(force["taken"], "N", 2)
-    if force.get("biased"):
-        moved = listed([f"{effect(one['name'])} by {one['tolerances']:.2g}" for one in force["biased"]])
+    biased = listed([f"{effect(one['name'])} by {one['tolerances']:.2g}" for one in force.get("biased", ())])
+    moves = (
+        f"the re-fit moves values by some of their tolerances ({biased}); the thresholds of all effects allow for it, "
+        "values count as wrong by what they are off beyond that, and the re-fitted ones are not the axis's."
+    )
+    if force["interpolated"]:
         told.append(
-            "The scale is coarse for contacts that slip so soon: on simulated tables with nothing wrong, the re-fit "
-            f"moves values by some of their tolerances ({moved}); the thresholds of all effects allow for it, values "
-            "count as wrong by what they are off beyond that, and the re-fitted ones are not the axis's."
+            f"{_rough_logs(force)} samples of the controller, and the commands between are interpolated: as the loop "
+            "answers the noise of every reading, this leaves, beside the unknown force, which is slower, a force that "
+            f"scatters by {taken} from sample to sample, and hides what is smaller. Only a log of all samples tells "
+            "whether the drive is rougher than its model, too."
+        )
+        told += [f"On simulated logs like that of a machine with nothing wrong, {moves}"] if biased else []
+    elif biased:
+        told.append(
+            "The scale is coarse for contacts that slip so soon: on simulated tables with nothing wrong, " + moves
         )
     elif force["taken"] > force["usual"] and not force.get("may_be_noise", True):
         told.append(
@@ -72,6 +82,20 @@ def roughness(results: Results) -> list[str]:
             f"{_small_or_large([one for _, one in far])}{_weighed(results)}."
         )
     return told
+
+
+def _rough_logs(force: Results) -> str:
+    """Which records are rough as their logs have one of several samples of the controller, in words; force [N]."""
+    of: dict[int, list[str]] = {}
+    for number, (white, every) in enumerate(zip(force["by_record"], force["log_has_one_of"], strict=True), 1):
+        if every > 1 and white > force["usual"]:
+            of.setdefault(every, []).append(f"{number}")
+    said = listed([f"{_records(numbers)} one of {every}" for every, numbers in of.items()])
+    return f"R{said[1:]}"
+
+
+def _records(numbers: Sequence[str]) -> str:
+    return f"records {listed(numbers)} have" if len(numbers) > 1 else f"record {numbers[0]} has"
 
 
 def _small_or_large(far: Sequence[float]) -> str:

@@ -35,6 +35,7 @@ from models.effects.motor import Cogging, CurrentLoopLag
 from models.effects.parameter import parameter
 from models.machine import Provenance, load
 from models.machine_file import to_toml
+from studies.gap_diagnosis.shifts import shifts
 from tests.diagnosis.tables import LEAD, off_by, recorded, short, table
 
 MACHINE = table()
@@ -174,10 +175,51 @@ def test_a_log_of_every_third_sample_gives_the_name_and_the_size(null_cache: Pat
     assert {"timing_jitter", "controller_mismatch"} <= set(hidden)
 
 
-def test_a_log_whose_commands_jump_between_its_samples_is_refused(null_cache: Path) -> None:
-    """Interpolation would have moved modes and dead time by eight deviations."""
-    (record,) = recorded(MACHINE, PLAN, seed=4, wrong=0.0)
-    with pytest.raises(ValueError, match=r"record 1: has one of 2 samples .* interpolation leaves 5\.\d times what"):
+@pytest.mark.parametrize(("effects", "outcome"), [([], Outcome.NOTHING), ([RELAXATION], Outcome.ATTRIBUTED)])
+def test_what_interpolation_leaves_of_a_log_is_roughness(
+    null_cache: Path, effects: list[Effect], outcome: Outcome
+) -> None:
+    """The commands of a stiff loop answer the noise of every reading: between every second one, interpolation left five
+    times what the noise does, and had moved modes and dead time by eight deviations. Such logs had been refused."""
+    (record,) = recorded(MACHINE, PLAN, effects, seed=4, wrong=1.0 if effects else 0.0)
+    found = diagnose(MACHINE, [record.thinned(2)], cache=null_cache)
+    begun = found.baseline
+    assert begun.interpolated
+    assert begun.nominal.candidate.rough
+    assert begun.null.usual[0] < 1.5
+    assert (found.outcome, found.effects) == (outcome, tuple(one.name for one in effects))
+    if not effects:
+        assert found.how_far.handover.adopted.name == "as delivered"
+        return
+    (relaxation,) = found.told.candidate.added_effects
+    assert isinstance(relaxation, FrictionRelaxation)
+    assert (relaxation.part, relaxation.time) == pytest.approx((RELAXATION.part, RELAXATION.time), rel=0.1)
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_load_on_a_vertical_axis_is_an_offset_of_any_size(null_cache: Path, every: int) -> None:
+    """Eight kilograms on an axis of 300 kg had stopped at a bound of 34 N, and a gain that depends on the sign was
+    named. The re-fit of a log of every second sample bends the dead time, and is not believed."""
+    usual = MACHINE.tolerances.offset
+    heavy = replace(MACHINE, drive=replace(MACHINE.drive, offset=MACHINE.drive.offset + 20 * usual))
+    (record,) = recorded(heavy, PLAN, seed=4, wrong=0.0)
+    found = diagnose(MACHINE, [record.thinned(every)] if every > 1 else [record], cache=null_cache)
+    assert (found.outcome, found.effects[0]) == (Outcome.PARAMETERS, "amplifier_offset")
+    assert found.how_far.handover.adopted.name == "offset alone"
+    assert not found.how_far.at_bound
+    better = improved_machine(found, "a test")
+    assert better.drive.offset == pytest.approx(heavy.drive.offset, abs=0.5 * usual)
+    assert ("dead_time" in found.baseline.biased) == (every > 1)
+    (row,) = (one for one in shifts(found) if one["name"] == "amplifier_offset")
+    assert row["moved"] * row["std"][0] == pytest.approx(20 * usual, abs=4 * usual)
+    assert row["bound"] > row["moved"]
+
+
+def test_a_log_that_has_less_noise_than_the_file_states_is_refused(null_cache: Path) -> None:
+    """What interpolation leaves of it is not what it leaves of the simulated tables."""
+    quiet = replace(MACHINE, scale=replace(MACHINE.scale, noise=0.0, resolution=MACHINE.scale.resolution / 20))
+    (record,) = recorded(quiet, PLAN, seed=4, wrong=0.0)
+    with pytest.raises(ValueError, match=r"record 1: has one of 2 .* leaves 5\.\d times .* state less noise"):
         diagnose(MACHINE, [record.thinned(2)], cache=null_cache)
 
 

@@ -92,7 +92,14 @@ def test_a_simulation_that_swings_by_itself_has_no_noise_floor(results: dict[str
 def test_noise_that_is_all_that_is_left_is_no_cause_out_of_the_catalogue(results: dict[str, Any]) -> None:
     """A healthy stage whose thrust scatters by 10 mN: its first page had asked for its friction and its clock."""
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
-    force = {"usual": 0.0022, "taken": 0.0022, "by_record": [0.0022], "biased": [], "may_be_noise": False}
+    force = {
+        "usual": 0.0022,
+        "taken": 0.0022,
+        "by_record": [0.0022],
+        "interpolated": False,
+        "biased": [],
+        "may_be_noise": False,
+    }
     far = {**results["how_far"], "drive_rms_N": 1.2}
     whole = {**results, "verdict": verdict, "white_force_N": {**force, "alone": [0.0091, 0.0098]}, "how_far": far}
     told = sentences(whole)
@@ -111,6 +118,7 @@ def test_what_comes_in_places_is_no_noise_of_the_drive(results: dict[str, Any], 
         "usual": 0.0022,
         "taken": 0.2,
         "by_record": [0.2],
+        "interpolated": False,
         "biased": [],
         "may_be_noise": may_be_noise,
         "alone": None,
@@ -118,6 +126,29 @@ def test_what_comes_in_places_is_no_noise_of_the_drive(results: dict[str, Any], 
     told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
     assert ("The drive is rougher than its model" in told) == may_be_noise
     assert ("is no such noise, as it is not alike at all times" in told) != may_be_noise
+
+
+def test_what_interpolation_leaves_is_not_said_of_the_drive(results: dict[str, Any]) -> None:
+    """A cascade at 2 kHz, logged at 1 kHz: its drive is as smooth as its model."""
+    verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
+    force = {
+        "usual": 1.0,
+        "taken": 6.4,
+        "by_record": [6.4, 1.0, 5.0, 6.0],
+        "interpolated": True,
+        "log_has_one_of": [2, 2, 4, 2],
+        "biased": [],
+        "may_be_noise": False,
+        "alone": None,
+    }
+    told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
+    assert (
+        "Records 1 and 4 have one of 2 and record 3 has one of 4 samples of the controller, and the commands between"
+        in told
+    )
+    assert "a force that scatters by 6.4 N from sample to sample, and hides what is smaller" in told
+    assert "The drive is rougher" not in told
+    assert "no such noise" not in told
 
 
 def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:

@@ -161,7 +161,7 @@ def test_values_that_the_re_fit_would_move_where_nothing_is_wrong_are_told(resul
     """A drawn machine whose scale of 87 nm is coarser than its contacts: 30 % of its mass had been "off"."""
     verdict = {**results["verdict"], "outcome": "none_of_these", "effects": [], "partly": []}
     biased = [{"name": "friction_level", "tolerances": -5.4}, {"name": "payload_mass", "tolerances": -4.2}]
-    force = {"usual": 1.8, "taken": 1.8, "by_record": [1.8], "biased": biased}
+    force = {"usual": 1.8, "taken": 1.8, "by_record": [1.8], "interpolated": False, "biased": biased}
     told = sentences({**results, "verdict": verdict, "white_force_N": force})["which"]
     assert "moves values by some of their tolerances (friction level by -5.4 and payload mass by -4.2)" in told
     assert "values count as wrong by what they are off beyond that" in told

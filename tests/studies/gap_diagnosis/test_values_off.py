@@ -7,9 +7,9 @@ import pytest
 
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
-from studies.gap_diagnosis.compute import _of_all_contacts
 from studies.gap_diagnosis.how_far import MIN_SETTLING_ERROR_RATIO, _slower
 from studies.gap_diagnosis.moved_most import refit_is_most
+from studies.gap_diagnosis.shifts import _of_all_contacts
 from studies.wording import in_percent
 from tests.diagnosis.tables import table
 
