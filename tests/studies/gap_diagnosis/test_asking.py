@@ -32,7 +32,7 @@ from tests.studies.stand_in_axis import LIMITS
 AXIS = f"{sys.executable} -m tests.studies.stand_in_axis"
 FOUND = Found(Outcome.ATTRIBUTED, ("cogging",), (), {"cogging": 200.0})
 ROUGHNESS = {
-    "white_force_N": {"taken": 1.0, "usual": 1.0, "records": [1.0]},
+    "white_force_N": {"taken": 1.0, "usual": 1.0, "records": [1.0], "interpolated": False},
     "chi_square_per_sample": {"re_fitted": [1.0], "with_effects": [1.0]},
 }
 VERDICT = {"outcome": "attributed", "effects": ["cogging"], "partly": [], "equivalent": []}
