@@ -43,7 +43,7 @@ class Chance:
     """A null whose tables are moved by BIASED."""
 
     def __init__(self, layout: Any) -> None:
-        self.usual = None
+        self.usual = lambda: (1.0,)
         self.found = Null({}, ((1.0,),) * NULL_DRAWS, (4.0,) * NULL_DRAWS, (), moved(layout))
 
     def completed(self, _: object) -> Null:
