@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.baseline import Baseline
 from diagnosis.diagnose import NAMED, Diagnosis
 from diagnosis.handover.files import Content
-from diagnosis.model.parameters import Parameters, moved, parameters, priors
+from diagnosis.handover.moved_most import START
+from diagnosis.model.parameters import Parameters, bounded, moved, parameters, priors
 from diagnosis.model.residual import Candidate
+from diagnosis.refit import CALLED
 
 
 def shifts(found: Diagnosis) -> list[dict[str, Any]]:
     """By how many standard deviations of its tolerance each kind of nominal value was moved at most, without the
     friction's initial state: by the re-fit alone, in the file that is handed over, and beside effects where there are
-    some; and the usual bound."""
+    some; and the usual bound. What counts as moved is less by what the re-fit moves where nothing is wrong."""
     usual = found.baseline.nominal.candidate.layout
     refitted, adopted = found.how_far.handover.named(Content.REFITTED), found.how_far.handover.adopted
-    beside = beside_effects(found)
+    beside = _less_bias(beside_effects(found), found.baseline)
     fits = [file.finished.fitted.candidate for file in (refitted, adopted) if file is not None and file.finished]
+    refit = _less_bias(fits[0], found.baseline)
     known, rows = {one.name: one for one in priors(usual)}, []
     for name in dict.fromkeys(fits[0].layout.names):
-        if name != "initial_friction_state":
+        if name != START:
             away = [_away(name, one) for one in fits]
             most = [float(one[abs(one).argmax()]) for one in away]
             in_file = most[-1] if adopted.finished else 0.0
             bound = float((usual.high / _tolerances(usual))[usual.of(name)].max())
-            row = {"name": name, "moved": most[0], "in_file": in_file, "values": int(away[0].size), "bound": bound}
+            row = {"name": name, "moved": _most_moved(name, refit), "by_fit": most[0], "in_file": in_file}
+            row |= {"values": int(away[0].size), "bound": bound}
             prior = known[name]
             told = {"unit": prior.unit, "std": list(prior.deviations), "origin": prior.origin}
             row |= {"beside": _most_moved(name, beside), "in_all_beside": _of_all_contacts(name, beside)}
-            row |= {"delay": _whole_delay(name, fits[0]), "delay_beside": _whole_delay(name, beside)}
-            rows.append({**row, **told, "in_all": _of_all_contacts(name, fits[0])})
+            row |= {"delay": _whole_delay(name, refit), "delay_beside": _whole_delay(name, beside)}
+            rows.append({**row, **told, "in_all": _of_all_contacts(name, refit)})
     return rows
 
 
@@ -44,6 +50,18 @@ def beside_effects(found: Diagnosis) -> Candidate | None:
         return found.told.candidate
     fitted = handover.adopted.finished
     return fitted.candidate if fitted is not None and handover.adopted.name == Content.MEASURED else None
+
+
+def _less_bias(fitted: Candidate | None, baseline: Baseline) -> Candidate | None:
+    """The candidate with its values where they would be but for what the re-fit moves where nothing is wrong."""
+    if fitted is None or not baseline.biased:
+        return fitted
+    layout, theta = fitted.layout, fitted.theta.copy()
+    own = np.flatnonzero(np.array(layout.names) != START)
+    bias = zip(own, baseline.null.bias() * _tolerances(layout)[own], strict=True)
+    for place, off in bias:
+        theta[place] -= off if CALLED.get(layout.names[place], layout.names[place]) in baseline.biased else 0.0
+    return replace(fitted, theta=bounded(layout, theta))
 
 
 def _most_moved(name: str, fitted: Candidate | None) -> float | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from studies.gap_diagnosis.how_far import MIN_SETTLING_ERROR_RATIO, _slower
 from studies.gap_diagnosis.moved_most import refit_is_most
-from studies.gap_diagnosis.shifts import _of_all_contacts
+from studies.gap_diagnosis.shifts import _less_bias, _most_moved, _of_all_contacts
 from studies.wording import in_percent
 from tests.diagnosis.tables import table
 
@@ -25,6 +28,26 @@ def test_of_contacts_that_make_up_for_one_another_little_is_off_in_all() -> None
     theta[layout.of("presliding_limit")] = np.log1p(0.1)
     assert _of_all_contacts("presliding_limit", Candidate(layout, theta)) == pytest.approx(0.1)
     assert _of_all_contacts("payload_mass", Candidate(layout, theta)) is None
+
+
+def test_what_a_re_fit_moves_where_nothing_is_wrong_is_not_told_of_the_machine() -> None:
+    """Of a log of every second sample the mass had been "off by 20 %", of which 13 % are of interpolation."""
+    machine = table()
+    layout = parameters(machine, 1)
+    own = np.flatnonzero(np.array(layout.names) != "initial_friction_state")
+    theta, bias = np.zeros(layout.count), np.zeros(own.size)
+    mass, delay = layout.of("payload_mass"), layout.of("dead_time")
+    theta[mass], theta[delay] = -12 * layout.deviation[mass], 2 * layout.deviation[delay]
+    bias[mass], bias[delay] = -8.6, 0.5
+    baseline: Any = SimpleNamespace(biased={"payload_mass": -8.6}, null=SimpleNamespace(bias=lambda: bias))
+    fitted = Candidate(layout, theta)
+    less = _less_bias(fitted, baseline)
+    assert _most_moved("payload_mass", fitted) == pytest.approx(12)
+    assert _most_moved("payload_mass", less) == pytest.approx(3.4)
+    assert _most_moved("dead_time", less) == pytest.approx(2)
+    baseline.biased = {}
+    assert _less_bias(fitted, baseline) is fitted
+    assert _less_bias(None, baseline) is None
 
 
 @pytest.mark.parametrize(("left", "most"), [(1.88, True), (5.0, False), (13.7, False)])
