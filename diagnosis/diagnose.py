@@ -271,7 +271,7 @@ def _diagnosis(answer: Answer, pruned: Pruned, baseline: Baseline, known: Learne
             return _diagnosis(spring, pruned, baseline, replace(curve, reason=""))
         unknown = curve if outcome is Outcome.NONE else None
     far = how_far(stages, outcome, closure.floor, baseline, unknown)
-    if far.effects_interval[1] <= 0:  # what surely takes nothing off the gap resembles it in no part
+    if far.effects_interval[1] <= 0 or far.leaves_more:  # what takes nothing off the gap resembles it in no part
         partly = ()
     final = stages[-1].fitted
     handed = far.handover.named(Content.EFFECTS)  # its values are told, unless effects of single records are not in it

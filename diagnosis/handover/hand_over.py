@@ -114,6 +114,15 @@ class HowFar:
     transfer: Transfer | None = None
 
     @property
+    def leaves_more(self) -> bool:
+        """Whether the file with effects leaves more than the re-fitted one, both in force and in position."""
+        with_effects, refitted = (self.handover.named(one) for one in (Content.EFFECTS, Content.REFITTED))
+        if with_effects is None or refitted is None:
+            return False
+        pairs = ((file.gap.force, file.gap.position) for file in (with_effects, refitted))
+        return all(after > before for after, before in zip(*pairs, strict=True))
+
+    @property
     def closure(self) -> float:
         """The closure [1], on motions left out of the fits."""
         return self.terms.closure()

@@ -30,7 +30,7 @@ from models.controller import PID, Feedback
 from models.feedback.law import Law
 from models.machine import Machine
 from models.quantity import listed, show
-from models.records.checks import noise_gain, quantisation, replay
+from models.records.checks import kept_to, noise_gain, quantisation, replay
 from models.records.record import Record
 
 Array = NDArray[np.float64]
@@ -51,6 +51,7 @@ OFF_STEPS: Final = 0.05  # of a step, from which on differences are no multiples
 AT_RATING: Final = 0.02  # of the rated thrust, by which a command may be off it that is cut off by it
 WHOLE: Final = "the whole command"
 POSITION_LOGGED: Final = "the position logged"
+KEPT_TO: Final = "the commands kept to"
 SLIGHT: Final = 0.05  # of a feedforward: a part that makes less of it is not named
 OTHER_UNIT: Final = 1.5  # a factor of all commands beyond which their unit is taken to be another one
 SAME_UNIT: Final = 0.02  # relative difference of a factor from that of a unit, up to which it is that unit's
@@ -132,9 +133,11 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
     signal = added(record, made, begin, max(noise, plain.tolerance))
     smooth = _between_jumps(record.feedforward[begin:], most)
     rating = machine.drive.rated_thrust
-    largest = float(np.max(np.abs(_difference(record, made, begin, rating)[smooth]), initial=0.0))
+    largest = float(np.max(np.abs(_unexplained(record, made, begin, rating)[smooth]), initial=0.0))
     other = None
     if rms < noise and largest < most and (signal is None or signal.leaves >= mended):
+        if _is_limited(record, begin, rating):  # any law makes the commands of a part that stands at the limit
+            return replace(plain, tolerance=most, departs=None)
         other = structure(record, begin)
         share, half = min(remains / rms, _share_left(record, other, made, begin)), criteria.replay_remedy
         if share >= half or share >= half * _share_of_rounding(machine, record, begin):
@@ -150,7 +153,8 @@ def replayed(machine: Machine, record: Record, criteria: Criteria = Criteria()) 
             plain, remedy=signal.words, remains=signal.leaves, structure=other, spread=plain.spread, added=signal
         )
     best = remedy if remains < mended else None
-    if other is None and remains > plain.tolerance:
+    limited = remedy.startswith(KEPT_TO) and remains < noise
+    if other is None and remains > plain.tolerance and not limited:
         other = structure(record, begin)
     mislogged = best is not None and remains <= max(noise, plain.tolerance) and _is_of_the_log(best)
     late = late if best else 0
@@ -165,7 +169,11 @@ def _is_of_the_log(remedy: str) -> bool:
 def _best_remedy(machine: Machine, record: Record, begin: int) -> tuple[str, float]:
     """The change of the law that leaves least of a record's commands, in words, and the rms difference [N] left."""
     feedback, delay = machine.control.feedback, machine.control.reference_delay
-    remedies = itertools.chain(_remedies(record, feedback, delay, begin), _other_acceleration(record, machine, begin))
+    remedies = itertools.chain(
+        _remedies(record, feedback, delay, begin),
+        _other_acceleration(record, machine, begin),
+        _kept_to(record, machine, begin),
+    )
     return min(remedies, key=lambda one: one[1])
 
 
@@ -180,7 +188,7 @@ def _plainly(machine: Machine, record: Record, criteria: Criteria) -> tuple[Repl
     feedback, delay = machine.control.feedback, machine.control.reference_delay
     begin = _beginning(feedback, record)
     made = replay(record, feedback, delay, machine.drive.rated_thrust)
-    difference = _difference(record, made, begin, machine.drive.rated_thrust)
+    difference = _unexplained(record, made, begin, machine.drive.rated_thrust)
     spread = float(np.std(record.command[begin:]))
     tolerance = max(criteria.replay_tolerance * spread, quantisation(record.command), _resolution(machine, record))
     beyond = np.flatnonzero(np.abs(difference) > tolerance)
@@ -311,6 +319,37 @@ def _difference(record: Record, made: Array, begin: int, rating: float = math.in
     return np.where(at_rating & (above | below), 0.0, difference)
 
 
+def _is_limited(record: Record, begin: int, rating: float) -> bool:
+    """Whether the commands stand at the rating [N] either way."""
+    limit = kept_to(record.command[begin:])
+    return limit is not None and abs(limit / rating - 1) < AT_RATING
+
+
+def _unexplained(record: Record, made: Array, begin: int, rating: float) -> Array:
+    """`_difference`, or what is left between stands at the rating where that is less (n - begin,) [N]."""
+    whole = _difference(record, made, begin, rating)
+    parts = _between_stands(record, made, begin) if _is_limited(record, begin, rating) else None
+    return parts if parts is not None and parts @ parts < whole @ whole else whole
+
+
+def _between_stands(record: Record, made: Array, begin: int) -> Array | None:
+    """Logged less replayed command (n - begin,) [N] of a record whose commands stand at a limit either way, without the
+    median of each part between, as what an anti-windup keeps out of the integral is another constant after each stand;
+    0 where they stand. None without such a limit, and where the parts that are long enough to tell are not most."""
+    command = record.command[begin:]
+    limit = kept_to(command)
+    if limit is None:
+        return None
+    free = np.abs(command) < limit * (1 - 1e-9)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int))).reshape(-1, 2)
+    left, compared = np.zeros(command.size), 0
+    for start, stop in ends[np.diff(ends)[:, 0] >= LEAST_COMPARED]:
+        part = command[start:stop] - made[begin + start : begin + stop]
+        left[start:stop] = part - np.median(part)
+        compared += stop - start
+    return left if compared > command.size / 2 else None
+
+
 def _between_jumps(feedforward: Array, size: float) -> NDArray[np.bool_]:
     """Which samples (n,) are farther than MAX_SHIFT_SAMPLES from a jump of the feedforward by more than size [N]: what
     is added behind a controller is logged as it was asked for, which at an edge is not yet as it acts. The record's
@@ -383,6 +422,17 @@ def _other_acceleration(record: Record, machine: Machine, begin: int) -> Iterato
                 late = f"{_samples(abs(shift))} {'later' if shift > 0 else 'sooner'}"
                 words = f"{other if delay != control.reference_delay else ''}the acceleration feedforward {late}"
                 yield words, _rms(record, alone + np.roll(part, shift), begin)
+
+
+def _kept_to(record: Record, machine: Machine, begin: int) -> Iterator[tuple[str, float]]:
+    """That a limit that is not the rating cuts off the commands, in words, with the rms difference [N] left."""
+    control, top = machine.control, float(np.max(np.abs(record.command)))
+    if abs(top / machine.drive.rated_thrust - 1) < AT_RATING:
+        return
+    left = _between_stands(record, replay(record, control.feedback, control.reference_delay, top), begin)
+    if left is not None:
+        words = f"{KEPT_TO} {show(top, 'N', 4)} (rated_thrust in [drive])"
+        yield words, float(np.sqrt(np.mean(left**2)))
 
 
 def _unlogged(record: Record, made: Array, begin: int) -> tuple[str, float]:

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 TRUST: Final = "if the record is right as it is, give --trust-records (in Python, trusted=True)"
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
+NEAR_TOP: Final = 0.9  # of a command's extreme: where a sine stands more often than at it, and a limited one does not
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 MIN_DIAGNOSIS_SAMPLES: Final = 1000  # samples that a diagnosis needs, of all records together
 AT_LIMIT: Final = 0.99  # of the rated thrust, from which on a command that stands at its extreme is at the limit
@@ -360,12 +361,15 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
     u = record.command
     top = float(np.max(np.abs(u)))
     at_top = np.abs(np.abs(u) - top) < 1e-9 * top
-    together = np.convolve(at_top, np.ones(SATURATED), "valid") >= SATURATED
     rated = limit is not None and top >= AT_LIMIT * limit
-    if np.any(together) and np.ptp(np.diff(u)) > 0 and (rated or not _stands_elsewhere(u, at_top)):
+    kept = limit is not None and not rated and kept_to(u) is not None
+    if _stays(at_top) and np.ptp(np.diff(u)) > 0 and (rated or kept or not _stands_elsewhere(u, at_top)):
+        advice = "the drive may not have followed there, so cut those parts out"
+        if limit is not None and kept:
+            advice = f"a drive that keeps to this has it as rated_thrust, not {show(limit, 'N')}"
         yield (
             f"The command is saturated: {int(np.sum(at_top))} samples stand at its extreme of {show(top, 'N')}; "
-            "the drive may not have followed there, so cut those parts out."
+            f"{advice}."
         )
     elif limit is not None and not keeps_to(top, limit):
         beyond = int(np.sum(np.abs(u) > limit))
@@ -373,6 +377,24 @@ def _saturation(record: Record, limit: float | None) -> Iterator[str]:
             f"The command goes beyond the rated {show(limit, 'N')} in {beyond} samples; the drive may not have "
             "followed there, so cut those parts out if it did not."
         )
+
+
+def kept_to(command: Array) -> float | None:
+    """The force [N] that commands (n,) [N] stand at either way, as a drive's limit keeps them: its extremes, which are
+    the same, for SATURATED samples in a row each, and far more often than just below; None where they do not."""
+    top = float(np.max(np.abs(command)))
+    if top == 0:
+        return None
+    for sign in (1, -1):
+        at_top, near = sign * command > top * (1 - 1e-9), sign * command > NEAR_TOP * top
+        if not _stays(at_top) or 3 * np.count_nonzero(at_top) < 2 * np.count_nonzero(near):
+            return None
+    return top
+
+
+def _stays(there: NDArray[np.bool_]) -> bool:
+    """Whether this holds of SATURATED samples (n,) in a row."""
+    return bool(np.any(np.convolve(there, np.ones(SATURATED), "valid") >= SATURATED))
 
 
 def _stands_elsewhere(command: Array, at_top: NDArray[np.bool_]) -> bool:

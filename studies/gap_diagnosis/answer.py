@@ -30,6 +30,7 @@ from studies.wording import effect, effects_listed, fitted, in_percent
 Results = Mapping[str, Any]
 
 MOVED: Final = 3.0  # standard deviations by which the input delay has to move for a sentence
+LIMIT: Final = "kept_below_rating_N"
 MIN_SHARE_AT_RATING: Final = 0.05  # of a record's samples, from which on it is told first that its drive is at its end
 ROUNDING_SHARE: Final = 0.01  # of what a replay leaves: below it a change leaves rounding alone
 
@@ -122,9 +123,16 @@ def _where(where: Results) -> str:
 
 
 def _beyond_a_model(results: Results) -> list[str]:
-    """That the axis swings at rest, or that the drive gave all that it can for much of a record, where it did: no model
-    of a stable loop does the like."""
+    """That the axis swings at rest, that the commands stop below the rated thrust, or that the drive gave all that it
+    can for much of a record, where it did: no model of a stable loop does the like."""
     swinging = [f"The axis of {one['name']} {one['swings']}." for one in results["records"] if one.get("swings")]
+    kept = [(one["name"], show(one[LIMIT], "N", 4)) for one in results["records"] if one.get(LIMIT)]
+    if kept:
+        names, limits = listed([name for name, _ in kept]), listed(dict.fromkeys(limit for _, limit in kept))
+        swinging.append(
+            f"The commands of {names} stop at {limits} either way, below the rated thrust; "
+            "where the drive limits them, state that as rated_thrust in [drive], and anti_windup in [control]."
+        )
     often = [one for one in results["records"] if one.get("at_rating", 0.0) >= MIN_SHARE_AT_RATING]
     if not often:
         return swinging

@@ -36,7 +36,7 @@ from models.effects.base import parameters
 from models.effects.catalogue import every
 from models.machine import Machine
 from models.machine_file import to_toml
-from models.records.checks import AT_LIMIT
+from models.records.checks import AT_LIMIT, kept_to
 from models.records.files import Loaded
 from models.records.record import Record
 from models.records.tables.sizes import RecordError
@@ -215,12 +215,14 @@ def given_of(machine: Machine, found: Sequence[Loaded]) -> Given:
 
 
 def _shown(name: str, sha256: str, record: Any, machine: Machine, findings: Sequence[str] = ()) -> dict[str, Any]:
+    rated, kept = machine.drive.rated_thrust, kept_to(record.command[:: record.every])
     return {
         "name": Path(name).name,
         "sha256": sha256,
         "samples": record.position.size,
         "sample_time_s": record.sample_time,
-        "at_rating": float(np.mean(np.abs(record.command) >= AT_LIMIT * machine.drive.rated_thrust)),
+        "at_rating": float(np.mean(np.abs(record.command) >= AT_LIMIT * rated)),
+        "kept_below_rating_N": kept if kept is not None and kept < AT_LIMIT * rated else None,
         "swings": str(swing_at_rest(record, machine) or ""),
         "findings": list(findings),
     }

@@ -398,3 +398,17 @@ def test_what_takes_nothing_off_the_gap_resembles_it_in_no_part(
     none = Answer(viscous.stages, (), held_out_closure(viscous.stages, viscous.baseline, 0), Outcome.NONE)
     pruned: Any = SimpleNamespace(stages=viscous.stages, shares=dict(viscous.shares))
     assert module._diagnosis(none, pruned, viscous.baseline).partly == partly
+
+
+@pytest.mark.parametrize(("force", "position", "more"), [(1.1, 1.4, True), (1.1, 0.9, False), (0.9, 1.4, False)])
+def test_a_file_that_leaves_more_of_both_is_told_apart(
+    viscous: Diagnosis, force: float, position: float, more: bool
+) -> None:
+    """ "In part it resembles noncollocated friction, with which the unknown force does not fall: it goes from 8.75 N to
+    9.79 N", and the position from 1.13 um to 1.66 um."""
+    far = viscous.how_far
+    before = next(file for file in far.handover.files if file.name == "re-fitted").gap
+    worse = replace(before, force=force * before.force, position=position * before.position)
+    files = tuple(replace(one, gap=worse) if one.name == "with effects" else one for one in far.handover.files)
+    assert not far.leaves_more
+    assert replace(far, handover=replace(far.handover, files=files)).leaves_more == more

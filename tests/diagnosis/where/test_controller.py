@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from diagnosis.where.controller import replayed, rounding
 from diagnosis.where.sentences import added_in_words
 from models.controller import References
+from models.feedback.forms import Cascade
+from models.machine import Machine
+from models.quantity import show
 from models.simulation.simulator import simulate
 from tests.diagnosis.where.test_structure import moves
 from tests.models.feedback.axis import CASCADE, axis
@@ -91,6 +94,26 @@ def test_a_command_that_the_rating_cuts_off_accuses_no_controller() -> None:
     assert not replayed(machine, cut).replays
     for other in (np.maximum(record.command, 0.0), np.clip(record.command, -0.2 * limit, 0.2 * limit)):
         assert not replayed(rated, replace(record, command=other)).replays
+
+
+def test_a_limit_below_the_rating_is_told_and_accuses_no_controller_once_it_is_stated() -> None:
+    """A drive's torque limit of 22 %, with an anti-windup of its own: "the whole command times -0.00078" was said."""
+    strong = simulate(axis(), axis().feedback_only(), moves(), seed=1).record
+    limit = 0.5 * float(np.max(np.abs(strong.command)))
+
+    def rated(thrust: float, cascade: Cascade = CASCADE, anti_windup: float = 0.0) -> Machine:
+        machine = axis(cascade, anti_windup=anti_windup)
+        return replace(machine, drive=replace(machine.drive, rated_thrust=thrust))
+
+    limited = rated(limit, anti_windup=3e-3)
+    record = simulate(limited, limited.feedback_only(), moves(), seed=1).record
+    told = replayed(rated(2 * limit), record)
+    assert not told.replays
+    assert told.remedy == f"the commands kept to {show(limit, 'N', 4)} (rated_thrust in [drive])"
+    assert told.remains < 1e-9 * limit
+    assert told.structure is None
+    assert replayed(rated(limit), record).replays
+    assert not replayed(rated(limit, replace(CASCADE, velocity_gain=0.9 * CASCADE.velocity_gain)), record).replays
 
 
 @pytest.mark.parametrize("period", [0.0, 2.5])

@@ -20,6 +20,7 @@ from models.records.checks import (
     check_one_machine,
     check_sample_time,
     findings,
+    kept_to,
     rolling,
     scatter_at_rest,
 )
@@ -237,3 +238,13 @@ def test_records_of_one_machine_pass() -> None:
     check_movement(records)
     check_one_machine(records, "ab", PRESLIDING)
     check_sample_time(records[0], TS)
+
+
+@pytest.mark.parametrize(("low", "limit"), [(-12.5, 12.5), (-11.0, None)])
+def test_commands_that_stop_at_a_force_either_way_are_kept_to_it(low: float, limit: float | None) -> None:
+    """A drive's torque limit of 22 %: of a log at 1 kHz, whose commands stand still at rest, it had not been told."""
+    command = np.clip(np.round(20 * np.sin(np.linspace(0, 20, 4000)) / 0.5) * 0.5, low, 12.5)
+    assert kept_to(command) == limit
+    said = list(_saturation(replace(moving(), command=command), 200.0))
+    assert any("a drive that keeps to this has it as rated_thrust, not 200 N" in one for one in said) == bool(limit)
+    assert kept_to(np.zeros(10)) is None

@@ -189,6 +189,16 @@ def test_a_drive_at_its_end_is_told_first(results: dict[str, Any]) -> None:
     assert said in front(swinging)["where"]
 
 
+def test_a_limit_of_the_drive_below_its_rating_is_told_first(results: dict[str, Any]) -> None:
+    """A torque limit of 22 %, logged at one of 8 samples, so that no replay shows it."""
+    assert all(one["kept_below_rating_N"] is None for one in results["records"])
+    records = [{**one, "kept_below_rating_N": 331.76} for one in results["records"]]
+    limited = {**results, "records": records}
+    said = f"The commands of {records[0]['name']} stop at 331.8 N either way, below the rated thrust; where the drive"
+    assert said in sentences(limited)["where"]
+    assert said in front(limited)["where"]
+
+
 def test_an_axis_that_swings_at_rest_is_told_first(results: dict[str, Any]) -> None:
     """A user's limit cycle of 3 um at 70 Hz, which no page named, beside a name for what it left."""
     assert all(one["swings"] == "" for one in results["records"])
