@@ -105,7 +105,8 @@ def rough_records(
     fitted: Fit, records: Sequence[Record], criteria: Criteria, usual: Callable[[], Sequence[float]] | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which records are far rougher than their weights promise, and which of these are no rougher than interpolation
-    between their log's samples makes those of a complete model (R,). usual: see `weighed`."""
+    between their log's samples makes those of a complete model (R,). usual: the variance of what complete models leave
+    of each record [1], as of `weighed`."""
     apart = unmodelled_variance(fitted, records, criteria.min_equal_motions)
     rough = apart > criteria.rough_variance
     if not usual or not rough.any():
