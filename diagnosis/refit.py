@@ -215,7 +215,7 @@ def _with_any_load(layout: Parameters, records: Sequence[Record], effects: tuple
     candidate = Candidate(layout, static_equilibrium_start(layout, records), effects)
     left = np.concatenate(unknown_force(candidate, records, smooth(candidate, records)))
     constant, at = abs(float(np.nanmean(left))), layout.of(OFFSET)
-    if constant <= layout.high[at]:
+    if not constant > layout.high[at]:
         return layout
     deviation, low, high = layout.deviation.copy(), layout.low.copy(), layout.high.copy()
     deviation[at], low[at], high[at] = constant, -PRIOR_BOUND_STDS * constant, PRIOR_BOUND_STDS * constant
