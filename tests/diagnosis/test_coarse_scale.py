@@ -15,10 +15,11 @@ from diagnosis.criteria import Criteria
 from diagnosis.diagnose import diagnose
 from diagnosis.handover.files import starts_of
 from diagnosis.handover.final_fit import Finished, finished
-from diagnosis.handover.gate import File, as_delivered, is_believed, is_right
+from diagnosis.handover.gate import File, as_delivered, beside_doubted, is_believed, is_right
 from diagnosis.model.parameters import parameters
 from diagnosis.model.residual import Candidate
 from diagnosis.null import NULL_DRAWS, Null
+from diagnosis.records.motions import pieces
 from diagnosis.records.units import (
     WALK,
     WALK_OF_FRICTION,
@@ -125,6 +126,25 @@ def test_a_file_is_right_that_leaves_of_records_what_it_leaves_of_its_own(
     assert is_right(file, baseline, 0) == right
     elsewhere = as_delivered(baseline, [np.full(len(MACHINE.friction.limit), 1e-5)])
     assert elsewhere.gap.force > 1.5 * file.gap.force or not right
+
+
+def test_an_offset_alone_is_handed_over_where_the_re_fit_is_not_believed() -> None:
+    """A gas spring that lost 75 N, in a log that bends the mass: the machine as delivered had been handed over."""
+    files = {}
+    for load in (4.0, 0.0):
+        heavy = replace(MACHINE, drive=replace(MACHINE.drive, offset=MACHINE.drive.offset + load))
+        records = recorded(heavy, (short(MACHINE),), seed=4, wrong=0.0)
+        nominal = refit_within(with_units(MACHINE, records), records)
+        layout = nominal.candidate.layout
+        null = Null({}, ((1.0,),) * NULL_DRAWS, (4.0,) * NULL_DRAWS, (), moved(layout))
+        baseline = Baseline(nominal, records, pieces(records, loop_time(MACHINE)), null)
+        delivered = as_delivered(baseline, starts_of(finished(nominal, records).candidate))
+        files[load] = beside_doubted(baseline, delivered)
+        log = replace(Replayed(True, 1.0, 1.0, 0.1, 5, "a remedy", 0.0), mislogged=True)
+        assert beside_doubted(replace(baseline, known_replays=(log,)), delivered) == []
+    (file,) = files[4.0]
+    assert file.machine.drive.offset == pytest.approx(4.0, abs=0.1)
+    assert files[0.0] == []
 
 
 @pytest.mark.parametrize(("tolerances", "believed"), [(2.5, True), (-3.5, False)])
