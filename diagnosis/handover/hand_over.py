@@ -236,9 +236,11 @@ def _gated(
     refitted, with_effects = files[:1], files[1:]
     judged = (*files, *learned) if adopted else (*refitted, *learned)
     doubted = [one for one in judged if not is_believed(one, baseline)]
-    instead = beside_doubted(baseline, delivered) if refitted[0] in doubted else []
-    may = [delivered, *instead, *(one for one in judged if one not in doubted)]
+    may = [delivered, *(one for one in judged if one not in doubted)]
     handover = chosen(may, lambda: offset_alone(baseline, delivered), incomplete=outcome is Outcome.NONE)
+    if refitted[0] in doubted and handover.adopted is delivered:
+        for simpler in beside_doubted(baseline, delivered):
+            handover = replace(handover, adopted=simpler, files=(delivered, simpler, *handover.files[1:]))
     if adopted and with_effects and handover.adopted.name not in {Content.EFFECTS, Content.MEASURED}:
         handover = _with_some(handover, with_effects[0], baseline)
     rest = () if adopted else with_effects

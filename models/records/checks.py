@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 
 TRUST: Final = "if the record is right as it is, give --trust-records (in Python, trusted=True)"
 LONGEST_SHIFT: Final = 8  # samples by which two channels are looked at for a delay
-NEAR_TOP: Final = 0.9  # of a command's extreme: where a sine stands more often than at it, and a limited one does not
+NEAR_TOP: Final = 0.9  # of a command's extreme, from which on a sine in coarse steps is as often below it as at it
+MOST_NEAR_TOP: Final = 2 / 3  # of those samples, that a limited command has at its extreme
 SATURATED: Final = 3  # samples in a row at the extreme of the command
 MIN_DIAGNOSIS_SAMPLES: Final = 1000  # samples that a diagnosis needs, of all records together
 AT_LIMIT: Final = 0.99  # of the rated thrust, from which on a command that stands at its extreme is at the limit
@@ -387,7 +388,7 @@ def kept_to(command: Array) -> float | None:
         return None
     for sign in (1, -1):
         at_top, near = sign * command > top * (1 - 1e-9), sign * command > NEAR_TOP * top
-        if not _stays(at_top) or 3 * np.count_nonzero(at_top) < 2 * np.count_nonzero(near):
+        if not _stays(at_top) or np.count_nonzero(at_top) < MOST_NEAR_TOP * np.count_nonzero(near):
             return None
     return top
 

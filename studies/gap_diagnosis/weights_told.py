@@ -50,7 +50,7 @@ def roughness(results: Results) -> list[str]:
         f"the re-fit moves values by some of their tolerances ({biased}); the thresholds of all effects allow for it, "
         "values count as wrong by what they are off beyond that, and the re-fitted ones are not the axis's."
     )
-    if force["interpolated"]:
+    if force["interpolated"] and force["taken"] > force["usual"]:
         told.append(
             f"{_rough_logs(force)} samples of the controller, and the commands between are interpolated: as the loop "
             "answers the noise of every reading, this leaves, beside the unknown force, which is slower, a force that "

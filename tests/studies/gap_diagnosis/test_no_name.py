@@ -149,6 +149,8 @@ def test_what_interpolation_leaves_is_not_said_of_the_drive(results: dict[str, A
     assert "a force that scatters by 6.4 N from sample to sample, and hides what is smaller" in told
     assert "The drive is rougher" not in told
     assert "no such noise" not in told
+    none = {**force, "taken": 1.0, "by_record": [1.0] * 4}  # as an effect that was found may leave it
+    assert "interpolated" not in sentences({**results, "verdict": verdict, "white_force_N": none})["which"]
 
 
 def limits_of(results: dict[str, Any]) -> list[dict[str, Any]]:
