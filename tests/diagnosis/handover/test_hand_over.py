@@ -145,6 +145,22 @@ def test_where_nothing_harms_or_nothing_helps_no_law_is_left_out() -> None:
     assert (unsure.adopted.name, len(unsure.files)) == ("as delivered", 3)  # the re-fit leaves as much
 
 
+@pytest.mark.usefixtures("stubbed")
+@pytest.mark.parametrize(("better", "adopted"), [(True, "offset alone"), (False, "as delivered")])
+def test_an_offset_that_helps_takes_the_place_of_a_re_fit_that_is_not_believed(
+    monkeypatch: pytest.MonkeyPatch, better: bool, adopted: str
+) -> None:
+    offset = File("offset alone", cast(Any, None), Gap(0.5, 2e-7, None), _left(0.5, 2e-7))
+    monkeypatch.setattr(hand_over, "beside_doubted", lambda *_: [offset] if better else [])
+    monkeypatch.setattr(hand_over, "is_believed", lambda file, _: file.name == "as delivered")
+    found = _handed(RIGHT, adopted=False)
+    assert found.adopted.name == adopted
+    assert [file.name for file in found.files].count("offset alone") == better
+    assert {"re-fitted", "with effects"} <= {file.name for file in found.files}
+    monkeypatch.setattr(hand_over, "is_believed", lambda *_: True)
+    assert "offset alone" not in [file.name for file in _handed(RIGHT, adopted=False).files]
+
+
 def test_random_forces_are_left_out_as_one_law() -> None:
     given = _candidate(RIGHT, HARMFUL, forces=(TONE, TONE))
     left = [(name, [effect.name for effect in one.effects], len(one.random_forces)) for name, one in all_but_one(given)]
